@@ -19,7 +19,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from dovetail.file.config import Study, load_study
+from dovetail.file.config import StudyContents, load_study
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.io import write_npz
@@ -93,7 +93,7 @@ def timed(call: Callable[[], T]) -> tuple[float, T]:
     return time.process_time() - start, out
 
 
-def computed(study: Study, frequency: np.ndarray) -> FRF:
+def computed(study: StudyContents, frequency: np.ndarray) -> FRF:
     """Compute the FRFs of a study's model by the reduced engine."""
     rows, columns = (sensor_rows(study.model, part) for part in (study.sensors, study.excitations))
     frf = compute_frf(assemble(study.model), frequency, rows, columns, method="reduced")

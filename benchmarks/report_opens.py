@@ -16,7 +16,7 @@ from benchmarks.diagnosis import STUDY
 from benchmarks.written_tower import write_tower
 from dovetail import load_study
 from dovetail.desk.saving import live_model, write_desk_report
-from dovetail.file.config import Study
+from dovetail.file.config import StudyContents
 from updating.live.hypothesis import Hypothesis
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ HEAD = (
 )
 
 
-def written(study: Study, folder: Path) -> Path:
+def written(study: StudyContents, folder: Path) -> Path:
     """Write the report of a study's nominal model, with its uncertain parameters fitted; return it."""
     live = live_model(study)
     return write_desk_report(study, live, Hypothesis.nominal(live.problem), folder, lambda text, done: None)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.contents import SourceDeck, Study
+from dovetail.file.contents import SourceDeck, StudyContents
 from dovetail.file.table import StudyError
 from dovetail.report import words
 from dovetail.result import program_version
@@ -24,7 +24,7 @@ from fem.io.ansys_changes import ansys_changes
 from fem.io.ansys_write import ansys_text
 from fem.io.deck_changes import changed_deck
 from fem.io.deck_nodes import with_nodes
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_model import model_of, read_deck
 from fem.io.frame_of_model import ModelDeck, deck_of, with_places
 from fem.io.nastran_changes import nastran_changes
@@ -39,7 +39,7 @@ WRITERS: Mapping[str, Callable[..., str]] = {
     "abaqus": abaqus_text,
     "ansys": ansys_text,
 }
-CHANGES: Mapping[str, Callable[[ModelDeck, Path, Units], DeckEdit]] = {
+CHANGES: Mapping[str, Callable[[ModelDeck, Path, DeckUnits], DeckEdit]] = {
     "nastran": nastran_changes,
     "abaqus": abaqus_changes,
     "ansys": ansys_changes,
@@ -92,7 +92,7 @@ class Exported:
     notes: tuple[str, ...]
 
 
-def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, ...]]:
+def exported_deck(study: StudyContents, *, whole: bool) -> tuple[ModelDeck, tuple[str, ...]]:
     """Return a study's model as a deck, or the cards for what was found, and sentences on what they are.
 
     Cards for what was found leave out fitted values within a standard deviation of the nominal ones.
@@ -118,7 +118,7 @@ def exported_deck(study: Study, *, whole: bool) -> tuple[ModelDeck, tuple[str, .
     return replace(deck, notes=(*one.notes, *deck.notes)), one.lines
 
 
-def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, Exported]:
+def exported_edit(study: StudyContents, source: SourceDeck) -> tuple[DeckEdit, Exported]:
     """Return the cards that make a study's source deck the study's model, and that model.
 
     Fitted values within a standard deviation of the nominal ones are left out, as are the test's instruments.
@@ -134,7 +134,7 @@ def exported_edit(study: Study, source: SourceDeck) -> tuple[DeckEdit, Exported]
     """
     one = exported(study)
     deck = _titled(deck_of(one.model, study.name), one.found)
-    edit = CHANGES[program_of(source.file)](deck, source.file, Units.of(source.units))
+    edit = CHANGES[program_of(source.file)](deck, source.file, DeckUnits.of(source.units))
     if not edit.lines and not edit.notes:
         msg = f"{study.path}: its model is that of {source.file.name}: there is nothing to export"
         raise StudyError(msg)
@@ -171,11 +171,11 @@ def program_of(deck: Path) -> str:
     return (programs.program_of(deck) or "").lower()
 
 
-def _head(study: Study) -> str:
+def _head(study: StudyContents) -> str:
     return f"{study.path.name}, study {study.name}; dovetail {program_version()}"
 
 
-def exported(study: Study) -> Exported:
+def exported(study: StudyContents) -> Exported:
     """Return the model to export, and the same without what was found."""
     result = _result(study)
     (found, none), nominal = _effects(study, result), _nominal(study.model, result)
@@ -229,7 +229,7 @@ def _titled(deck: ModelDeck, found: Mapping[str, str]) -> ModelDeck:
     return replace(deck, **{key: tuple(named(item) for item in getattr(deck, key)) for key in keys})
 
 
-def _result(study: Study) -> dict[str, Any]:
+def _result(study: StudyContents) -> dict[str, Any]:
     """Return the result in a study's folder, empty without one."""
     path = study.path.parent / RESULT
     try:
@@ -240,7 +240,7 @@ def _result(study: Study) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _effects(study: Study, result: Mapping[str, Any]) -> tuple[dict[str, str], set[str]]:
+def _effects(study: StudyContents, result: Mapping[str, Any]) -> tuple[dict[str, str], set[str]]:
     """Return the values of a study's [[effects]] in words by name, with standard deviations of a result.
 
     The second value has the names of effects whose parameters are all zero within a standard deviation.

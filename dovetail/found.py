@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.file.channel_errors import channel_error_values
-from dovetail.file.config import Study
+from dovetail.file.config import StudyContents
 from dovetail.file.faults import fault_table
 from dovetail.file.paths import with_paths
 from dovetail.file.toml import toml_comment, with_values
@@ -58,7 +58,7 @@ def found_text(result: RunResult, folder: Path) -> str:
 
 
 def fitted_text(
-    study: Study,
+    study: StudyContents,
     compared: Path,
     problem: FitProblem,
     result: FitResult,
@@ -139,14 +139,14 @@ def mode_found_text(result: ModeRunResult, folder: Path) -> str:
     )
 
 
-def _headed(study: Study) -> Study:
+def _headed(study: StudyContents) -> StudyContents:
     """Return a study whose text says at its end whose effects follow."""
     heading = toml_comment(f"{study.path.name} with the effects found by dovetail and with its fitted values")
     return replace(study, text=study.text.rstrip("\n") + "\n\n" + heading)
 
 
 def text_with_model(
-    study: Study,
+    study: StudyContents,
     folder: Path,
     values: Mapping[ParameterRef, float],
     damping: tuple[Damping, Connections] | None,
@@ -178,14 +178,14 @@ def text_with_model(
     return "\n\n".join(part.strip("\n") for part in (text, *map(fault_table, faults))) + "\n"
 
 
-def values_in(study: Study, model: Model) -> dict[ParameterRef, float]:
+def values_in(study: StudyContents, model: Model) -> dict[ParameterRef, float]:
     """Return the values that parameters of a study's model have in another one, where they differ."""
     before, now = study.model.values(), model.values()
     values = {ref: float(now[ref]) for ref, v in before.items() if ref in now and now[ref] != v}
     return values | rebased_values(model, study.model.effects)
 
 
-def _fitted_values(study: Study, result: FitResult, model: Model) -> dict[ParameterRef, float]:
+def _fitted_values(study: StudyContents, result: FitResult, model: Model) -> dict[ParameterRef, float]:
     """Return the values of the fit that parameters of the study's own model have."""
     if study.baseline_frfs is not None:
         return values_in(study, model)

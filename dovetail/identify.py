@@ -10,7 +10,7 @@ import numpy as np
 
 from dovetail.disk.output import Output, check_outputs
 from dovetail.file.config import load_study
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.file.lines import key_lines
 from dovetail.file.paths import input_files, with_paths
 from dovetail.file.table import StudyError, suggest
@@ -32,7 +32,7 @@ SIDES = (*(f"{key}{k}" for k in (1, 2) for key in ("member", "position", "point"
 _HEADER = re.compile(r"\s*\[.*\]\s*(#.*)?$")
 
 
-def read_task(study: Study, name: str, directions: str, measurement: str | None = None) -> JointTask:
+def read_task(study: StudyContents, name: str, directions: str, measurement: str | None = None) -> JointTask:
     """Check the task for a joint.
 
     Parameters
@@ -68,7 +68,7 @@ def read_task(study: Study, name: str, directions: str, measurement: str | None 
     )
 
 
-def _with_known(study: Study, name: str) -> Model:
+def _with_known(study: StudyContents, name: str) -> Model:
     """Return the model whose joint has the stiffness of effects that are known for it.
 
     Beside a joint that is fitted, they would be taken for a part of all else.
@@ -116,7 +116,7 @@ def _with_stiffness_of(effect: Effect, joint: Joint, model: Model) -> Joint | No
     return replace(joint, K=K, rigid=tuple(d for d in joint.rigid if d not in released))
 
 
-def _measurement(study: Study, name: str | None) -> Measurement:
+def _measurement(study: StudyContents, name: str | None) -> Measurement:
     by_name = {m.name: m for m in study.measurements}
     if not by_name:
         msg = f"{study.path}: it has {study.lack_of_frfs}; the identification needs the measured assembly"
@@ -202,7 +202,7 @@ def proposed(found: Estimate) -> tuple[Effect, ...]:
     return new, *out
 
 
-def write_proposal(study: Study, found: Estimate, path: Path) -> tuple[Effect, ...]:
+def write_proposal(study: StudyContents, found: Estimate, path: Path) -> tuple[Effect, ...]:
     """Write the study with the identified joint in it, ready to run.
 
     The text is the study's own; only the joint's keys are replaced. It is read back before it takes its
@@ -257,7 +257,7 @@ def _without_known(text: str, model: Model) -> str:
     return without(text, *reversed(obsolete))
 
 
-def _joint_index(study: Study, name: str) -> int:
+def _joint_index(study: StudyContents, name: str) -> int:
     tables = tomllib.loads(study.text).get("joints", [])
     for i, table in enumerate(tables):
         if table.get("name", f"joint{i + 1}") == name:
@@ -298,7 +298,7 @@ def _without_key(lines: list[str], at: int, headers: list[int]) -> None:
         lines[k] = f"# {lines[k]}"
 
 
-def _with_joint(study: Study, joint: Joint) -> str:
+def _with_joint(study: StudyContents, joint: Joint) -> str:
     index = _joint_index(study, joint.name)
     lines, places = study.text.split("\n"), key_lines(study.text)
     headers = _headers(lines)
@@ -343,7 +343,7 @@ def _list(values: Any) -> str:
     return "[" + ", ".join(f"{float(v):.6g}" if v else "0.0" for v in values) + "]"
 
 
-def _viscoelastic(study: Study, name: str, element: Viscoelastic) -> str:
+def _viscoelastic(study: StudyContents, name: str, element: Viscoelastic) -> str:
     table = tomllib.loads(study.text)["joints"][_joint_index(study, name)]
     place = [f"{key} = {toml_value(table[key])}" for key in SIDES if key in table]
     law = next(word for word, kind in LAWS.items() if isinstance(element.law, kind))

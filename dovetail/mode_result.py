@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.result import (
     JSON,
     REPORT,
     SCHEMA,
-    Uncertain,
+    UncertainValue,
     program_version,
     uncertain_dict,
     uncertain_of,
@@ -37,9 +37,9 @@ class ModeRunResult:
         Where the files are.
     """
 
-    study: Study
+    study: StudyContents
     diagnosis: ModeDiagnosis
-    uncertain: tuple[Uncertain, ...]
+    uncertain: tuple[UncertainValue, ...]
     finished: datetime
     folder: Path
 
@@ -76,7 +76,7 @@ def mode_steps(d: ModeDiagnosis) -> dict[str, NDArray[np.float64]]:
     return {"fitted to the baseline": m.fitted} | ({"with the change": m.found} if d.found else {})
 
 
-def mode_uncertain(d: ModeDiagnosis) -> tuple[Uncertain, ...]:
+def mode_uncertain(d: ModeDiagnosis) -> tuple[UncertainValue, ...]:
     """Return the uncertain parameters before and after the fit; of two states, that to the first one."""
     if d.baseline is None:
         problem, result, model = d.problem, d.final.fitted, d.model

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.file.table import StudyError
 from dovetail.mode_result import mode_diagnosis_dict
 from dovetail.modes_pipeline import by_modes, diagnose_study_modes, targets_of
@@ -66,7 +66,7 @@ def shifts(before: ModeTargets, after: ModeTargets) -> tuple[Floats, Floats]:
     return shift, std
 
 
-def diagnose_history(study: Study, say: Callable[[str, float], None]) -> tuple[StateChange, ...]:
+def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) -> tuple[StateChange, ...]:
     """Find what has changed since the baseline in each of a study's states.
 
     Raises
@@ -91,7 +91,7 @@ def diagnose_history(study: Study, say: Callable[[str, float], None]) -> tuple[S
     return tuple(out)
 
 
-def history_lines(study: Study, history: tuple[StateChange, ...]) -> list[str | Table]:
+def history_lines(study: StudyContents, history: tuple[StateChange, ...]) -> list[str | Table]:
     """Return a history as printed: a line, and a table of the states."""
     sized = [s.shift[np.isfinite(s.shift)] for s in history]
     table = Table.of(
@@ -104,7 +104,7 @@ def history_lines(study: Study, history: tuple[StateChange, ...]) -> list[str | 
     return [f"{study.name}: {len(history)} states after the baseline", "", table]
 
 
-def history_dict(study: Study, history: tuple[StateChange, ...]) -> dict[str, Any]:
+def history_dict(study: StudyContents, history: tuple[StateChange, ...]) -> dict[str, Any]:
     """Return a history in plain types."""
     assert study.baseline is not None
     return {

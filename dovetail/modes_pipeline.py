@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.disk.output import Output, check_outputs, result_folder, write_json
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError
@@ -40,7 +40,7 @@ MOST_PRINTED = 12
 """Explanations that are printed."""
 
 
-def by_modes(study: Study) -> Study:
+def by_modes(study: StudyContents) -> StudyContents:
     """Return a study whose states all have modes: of a state with FRFs they are identified in these.
 
     Their frequencies repeat no better than those of the state that was given by modes.
@@ -63,7 +63,7 @@ def by_modes(study: Study) -> Study:
 
 
 def _identified(
-    study: Study, data: Measurement, other: MeasuredModes | None
+    study: StudyContents, data: Measurement, other: MeasuredModes | None
 ) -> tuple[MeasuredModes, tuple[str, ...]]:
     """Return the modes in the FRFs of one state, and sentences on them."""
     data = with_more_sensors(data, study.model)
@@ -98,7 +98,7 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
 
 
 def diagnose_study_modes(
-    study: Study, say: Progress | None = None, judged: Baseline | None = None
+    study: StudyContents, say: Progress | None = None, judged: Baseline | None = None
 ) -> ModeDiagnosis:
     """Diagnose by the measured modes of a study: what is missing, or what has changed since a baseline.
 
@@ -120,7 +120,7 @@ def diagnose_study_modes(
     return diagnose_change(model, before, after, study.nuisances, changes=changes, **more)
 
 
-def mode_problem(study: Study) -> ModeProblem:
+def mode_problem(study: StudyContents) -> ModeProblem:
     """Return the reduced model and the measured modes of a study, as a diagnosis begins with.
 
     Of two states it is the second one's, with the model calibrated on the first.
@@ -128,7 +128,7 @@ def mode_problem(study: Study) -> ModeProblem:
     return mode_problem_and_model(study)[0]
 
 
-def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
+def mode_problem_and_model(study: StudyContents) -> tuple[ModeProblem, Model]:
     """Return a study's problem by modes, and the model that its results are values and effects of."""
     study = by_modes(study)
     assert study.modes is not None
@@ -142,7 +142,7 @@ def mode_problem_and_model(study: Study) -> tuple[ModeProblem, Model]:
     return problem, changed
 
 
-def first_state(study: Study) -> tuple[Model, tuple[Effect, ...]]:
+def first_state(study: StudyContents) -> tuple[Model, tuple[Effect, ...]]:
     """Return the model of a study's first state, and the effects that have come since.
 
     Of a study without a baseline all effects are the model's.
@@ -154,7 +154,7 @@ def first_state(study: Study) -> tuple[Model, tuple[Effect, ...]]:
 
 
 def run_modes(
-    study: Study, out: Path, progress: Progress | None = None, *, force: bool = False
+    study: StudyContents, out: Path, progress: Progress | None = None, *, force: bool = False
 ) -> ModeRunResult:
     """Diagnose a study by its modes, and write a report.
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.disk.output import Output, check_outputs, result_folder, write_json
-from dovetail.file.contents import Study, measured, without_held_out
+from dovetail.file.contents import StudyContents, measured, without_held_out
 from dovetail.file.paths import input_files
 from dovetail.file.settings import N_BANDS
 from dovetail.found import found_text
@@ -54,7 +54,12 @@ Progress = Callable[[str, float], None]
 
 
 def run(
-    study: Study, out: Path, progress: Progress | None = None, *, force: bool = False, processes: int = 1
+    study: StudyContents,
+    out: Path,
+    progress: Progress | None = None,
+    *,
+    force: bool = False,
+    processes: int = 1,
 ) -> RunResult:
     """Find what a study's model lacks, and write a report.
 
@@ -89,7 +94,7 @@ def run(
     return result
 
 
-def analyse(study: Study, folder: Path, say: Progress, processes: int = 1) -> RunResult:
+def analyse(study: StudyContents, folder: Path, say: Progress, processes: int = 1) -> RunResult:
     """Compare, diagnose and locate; nothing is drawn or written."""
     start_time = time.perf_counter()
     diagnosis = diagnose_study(study, _part(say, 0.0, 0.9), processes)
@@ -98,7 +103,11 @@ def analyse(study: Study, folder: Path, say: Progress, processes: int = 1) -> Ru
 
 
 def analysed(
-    study: Study, diagnosis: Diagnosis, folder: Path, start_time: float, progress: Progress | None = None
+    study: StudyContents,
+    diagnosis: Diagnosis,
+    folder: Path,
+    start_time: float,
+    progress: Progress | None = None,
 ) -> RunResult:
     """Return what a diagnosis means for the report: comparisons, places of the misfit, modes.
 
@@ -151,7 +160,7 @@ def write(result: RunResult, folder: Path, say: Progress) -> None:
 
 
 def diagnose_study(
-    study: Study, say: Progress | None = None, processes: int = 1, budget: str = "normal"
+    study: StudyContents, say: Progress | None = None, processes: int = 1, budget: str = "normal"
 ) -> Diagnosis:
     """Diagnose with what the study says about uncertainty, band and candidates.
 
@@ -178,7 +187,7 @@ def diagnose_study(
     )
 
 
-def fit_problem(study: Study) -> FitProblem:
+def fit_problem(study: StudyContents) -> FitProblem:
     """Return the reduced model and the prepared data of a study's first measurement, for its model as it is.
 
     Of two states it is the second one's, with the model calibrated on the first.
@@ -189,7 +198,7 @@ def fit_problem(study: Study) -> FitProblem:
     return begin(study.model, after, study.nuisances, **fit_settings(study))
 
 
-def formed_fit_problem(study: Study) -> FitProblem:
+def formed_fit_problem(study: StudyContents) -> FitProblem:
     """Return a study's problem for fits: the form of its frame is among what is uncertain.
 
     Of two states it is that of :func:`fit_problem`, whose form was calibrated on the first.
@@ -197,7 +206,7 @@ def formed_fit_problem(study: Study) -> FitProblem:
     return formed_problem_and_model(study)[0]
 
 
-def formed_problem_and_model(study: Study) -> tuple[FitProblem, Model]:
+def formed_problem_and_model(study: StudyContents) -> tuple[FitProblem, Model]:
     """Return a study's problem for fits, and the model that its results are values and effects of."""
     more = fit_settings(study)
     after = without_held_out(study, measured(study, phases=False)[0])
@@ -209,7 +218,7 @@ def formed_problem_and_model(study: Study) -> tuple[FitProblem, Model]:
     return problem, changed
 
 
-def excluded(study: Study, d: Diagnosis, progress: Progress | None = None) -> Plan | None:
+def excluded(study: StudyContents, d: Diagnosis, progress: Progress | None = None) -> Plan | None:
     """Return what a diagnosis with nothing missing would have seen; None for others, and of two states.
 
     Nothing is missing either where only errors of channels were found, which the fitted model has.
@@ -228,7 +237,7 @@ def excluded(study: Study, d: Diagnosis, progress: Progress | None = None) -> Pl
         return plan_from_search(d.searched, study.relevant, say)
 
 
-def fit_settings(study: Study) -> dict[str, Any]:
+def fit_settings(study: StudyContents) -> dict[str, Any]:
     """Return what a study says about damping, band, lines and the model's error, as diagnoses take it."""
     return {
         "damping_std": study.damping_std,
@@ -238,7 +247,7 @@ def fit_settings(study: Study) -> dict[str, Any]:
     }
 
 
-def held_out_errors(study: Study, d: Diagnosis) -> dict[str, tuple[float, ...]]:
+def held_out_errors(study: StudyContents, d: Diagnosis) -> dict[str, tuple[float, ...]]:
     """Return, for each excitation and sensor that no fit has seen, the error of each step [dB].
 
     A sensor is compared for the excitations of the fit, an excitation at the sensors of the fit.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.contents import Study, measured, without_held_out
+from dovetail.file.contents import StudyContents, measured, without_held_out
 from dovetail.file.table import StudyError
 from dovetail.pipeline import Progress, fit_settings
 from fem.effects.places import members_mass
@@ -30,7 +30,10 @@ MASS_SHARE, MOST_TWINS = 0.05, 8
 
 
 def plan_study(
-    study: Study, noise: float | None = None, left_db: float | None = None, progress: Progress | None = None
+    study: StudyContents,
+    noise: float | None = None,
+    left_db: float | None = None,
+    progress: Progress | None = None,
 ) -> Plan:
     """Return what a study's test could see and name.
 
@@ -56,7 +59,7 @@ def plan_study(
         return _plan(study, noise, left_db, say)
 
 
-def _plan(study: Study, noise: float | None, left_db: float | None, say: Progress) -> Plan:
+def _plan(study: StudyContents, noise: float | None, left_db: float | None, say: Progress) -> Plan:
     how = _settings(study)
     if noise is None and left_db is None and (study.measurements or study.amplitudes):
         data = without_held_out(study, measured(study, phases=False)[0])
@@ -81,7 +84,7 @@ def _plan(study: Study, noise: float | None, left_db: float | None, say: Progres
 
 
 def choose_channels(
-    study: Study,
+    study: StudyContents,
     n_sensors: int,
     n_excitations: int | None = None,
     noise: float | None = None,
@@ -136,24 +139,24 @@ def choose_channels(
     )
 
 
-def with_channels(study: Study, chosen: ChosenChannels) -> Study:
+def with_channels(study: StudyContents, chosen: ChosenChannels) -> StudyContents:
     """Return a study with other sensors and forces, and no measurements."""
     none: dict[str, Any] = {"measurements": (), "amplitudes": (), "frequency": _lines(study)}
     return replace(study, sensors=chosen.sensors, excitations=chosen.excitations, **none)
 
 
-def _settings(study: Study) -> dict[str, Any]:
+def _settings(study: StudyContents) -> dict[str, Any]:
     """Return what a study says of candidates and fits, as diagnoses and plans take it."""
     return {"kinds": study.kinds, "exclude": study.exclude, **fit_settings(study)}
 
 
-def _lines(study: Study) -> NDArray[np.float64]:
+def _lines(study: StudyContents) -> NDArray[np.float64]:
     """Return the lines of a planned test: those that were measured, or those of the study [Hz]."""
     return study.measurements[0].frf.frequency if study.measurements else study.frequency
 
 
 def separate_twins(
-    study: Study, plan: Plan, mass: float | None = None, progress: Progress | None = None
+    study: StudyContents, plan: Plan, mass: float | None = None, progress: Progress | None = None
 ) -> list[Separation]:
     """Return what tells twins apart best in a second test with the same channels.
 
@@ -181,7 +184,7 @@ def separate_twins(
     )
 
 
-def require_planned(study: Study, noise: float | None, left_db: float | None) -> None:
+def require_planned(study: StudyContents, noise: float | None, left_db: float | None) -> None:
     """Refuse measured data where data of a planned test are drawn, or a second one is planned beside it.
 
     Raises
@@ -195,7 +198,7 @@ def require_planned(study: Study, noise: float | None, left_db: float | None) ->
 
 
 def check_plan(
-    study: Study,
+    study: StudyContents,
     plan: Plan,
     n: int,
     seed: int = 1,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.mode_partners import ModePartners, partners_dict
 from fem.model import Effect, Model
 from updating.correlation import DB_PER_NEPER, Comparison
@@ -66,7 +66,7 @@ _QUANTITIES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Uncertain:
+class UncertainValue:
     """An uncertain parameter before and after the fit.
 
     Attributes
@@ -144,13 +144,13 @@ class RunResult:
         What data in which nothing is missing would have shown.
     """
 
-    study: Study
+    study: StudyContents
     diagnosis: Diagnosis
     comparisons: tuple[Comparison, ...]
     held_out_channels: Mapping[str, tuple[float, ...]]
     localisation: Localisation | None
     modes: tuple[FittedModePair, ...]
-    uncertain: tuple[Uncertain, ...]
+    uncertain: tuple[UncertainValue, ...]
     notes: tuple[str, ...]
     finished: datetime
     seconds: float
@@ -185,7 +185,7 @@ def bands_of_lines(
     return tuple((float(f[a]), float(f[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
-def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
+def uncertain_parameters(d: Diagnosis) -> tuple[UncertainValue, ...]:
     """Return the uncertain parameters before and after the last fit; of two states, that to the first."""
     if d.baseline is not None:
         return uncertain_of(d.baseline.problem, d.baseline.result, d.baseline.model)
@@ -194,7 +194,7 @@ def uncertain_parameters(d: Diagnosis) -> tuple[Uncertain, ...]:
 
 def uncertain_of(
     problem: FitProblem | ModeProblem, final: FitResult, model: Model, *, damped: bool = True
-) -> tuple[Uncertain, ...]:
+) -> tuple[UncertainValue, ...]:
     """Return the uncertain parameters before and after a fit, with the damping if asked."""
     out = []
     there = {e.name for e in model.effects}
@@ -206,7 +206,7 @@ def uncertain_of(
         fitted = float(final.values.get(u.ref, np.nan))
         moved = (u.to_x(fitted) - u.mean) / u.std
         out.append(
-            Uncertain(
+            UncertainValue(
                 f"{name}.{parameter}",
                 u.unit,
                 u.nominal,
@@ -235,11 +235,11 @@ def uncertain_of(
         if name == CONNECTIONS_POWER:  # its unknown is e to it
             known = 0.0, moved, curve.std, s
         before, after, prior, std = map(float, known)
-        out.append(Uncertain(name, "-", before, after, prior, std, abs(moved) > 3.9 * curve.std))
+        out.append(UncertainValue(name, "-", before, after, prior, std, abs(moved) > 3.9 * curve.std))
     return tuple(out)
 
 
-def channels_of(problem: FitProblem, final: FitResult) -> list[Uncertain]:
+def channels_of(problem: FitProblem, final: FitResult) -> list[UncertainValue]:
     """Return the errors of channels that are farther from the test's description than its accuracy says."""
     m, out = problem.data.measurement, []
     prior = m.errors.std
@@ -252,7 +252,7 @@ def channels_of(problem: FitProblem, final: FitResult) -> list[Uncertain]:
             *(f"{sort_of} {axis_text(t)}" for sort_of in (TURNED, SHIFTED) for t in channel.axes_across),
         ]
         for word, unit, value, before, std in zip(words, CHANNEL_UNITS, values, prior, stds, strict=True):
-            moved = Uncertain(
+            moved = UncertainValue(
                 f"{sort} {channel.name}: {word}", unit, 0.0, float(value), float(before), float(std), False
             )
             out += [moved] if moved.far else []
@@ -276,7 +276,7 @@ def program_version() -> str:
         return "unknown"
 
 
-def uncertain_dict(u: Uncertain) -> dict[str, Any]:
+def uncertain_dict(u: UncertainValue) -> dict[str, Any]:
     """Return an uncertain parameter in plain types."""
     return {**asdict(u), "moved": u.moved, "far": u.far}
 

@@ -28,7 +28,7 @@ from dovetail.file.settings import N_BANDS
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.writing import rebased_values
 from dovetail.notebook.html import inner, table
-from dovetail.notebook.responses import FRF
+from dovetail.notebook.responses import StudyFRF
 from fem.analysis.frf import FRFKind
 from fem.analysis.loads import LoadCase
 from fem.analysis.modes import Modes, first_modes
@@ -49,9 +49,9 @@ from updating.measurement.computed import computed_frf
 if TYPE_CHECKING:
     from dovetail.mode_result import ModeRunResult
     from dovetail.notebook.candidates import Candidates
-    from dovetail.notebook.comparison import Comparison, Misfit
-    from dovetail.notebook.diagnosis import Diagnosis
-    from dovetail.notebook.modes import ModeComparison, ModeDiagnosis
+    from dovetail.notebook.comparison import Misfit, StudyComparison
+    from dovetail.notebook.diagnosis import StudyDiagnosis
+    from dovetail.notebook.modes import StudyModeComparison, StudyModeDiagnosis
     from dovetail.notebook.planned import Planned
     from dovetail.pipeline import Progress
     from dovetail.result import RunResult
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Study(config.Study):
+class Study(config.StudyContents):
     """A study that can be computed, compared, diagnosed, extended and fitted; each step gives a new one.
 
     Attributes
@@ -116,7 +116,7 @@ class Study(config.Study):
         """Return the rigid-body modes and the first ``n`` elastic modes of the model."""
         return first_modes(assemble(self.model, reciprocal=False), n)
 
-    def frf(self, frequency: ArrayLike | None = None, kind: FRFKind | str | None = None) -> FRF:
+    def frf(self, frequency: ArrayLike | None = None, kind: FRFKind | str | None = None) -> StudyFRF:
         """Return the model's FRFs from the excitations to the sensors.
 
         Parameters
@@ -136,7 +136,7 @@ class Study(config.Study):
         if frequency is None:
             frequency = self.frequency if measured is None else measured.frequency
         kind = kind or (FRFKind.ACCELERANCE if measured is None else measured.kind)
-        return FRF.of(computed_frf(self.model, self.sensors, self.excitations, frequency, kind))
+        return StudyFRF.of(computed_frf(self.model, self.sensors, self.excitations, frequency, kind))
 
     def static(self, *cases: str) -> StaticSolution:
         """Return the static responses to load cases and combinations of the study.
@@ -214,7 +214,7 @@ class Study(config.Study):
                 raise StudyError(msg)
         return [known[name] for name in names or known]
 
-    def compare(self, n_bands: int = N_BANDS) -> Comparison | ModeComparison:
+    def compare(self, n_bands: int = N_BANDS) -> StudyComparison | StudyModeComparison:
         """Return how far the model's FRFs are from the first measurement's, on all lines.
 
         By measured modes where the study has nothing else.
@@ -230,19 +230,19 @@ class Study(config.Study):
             If the study has no measurement.
         """
         from dovetail.modes_pipeline import mode_problem
-        from dovetail.notebook.modes import ModeComparison
+        from dovetail.notebook.modes import StudyModeComparison
 
         if has_modes_alone(self):
             by_modes = mode_problem(self)
-            return ModeComparison.of(by_modes, by_modes.nominal(), self.name, self.label)
+            return StudyModeComparison.of(by_modes, by_modes.nominal(), self.name, self.label)
         return self._frfs_compared(n_bands)
 
-    def _frfs_compared(self, n_bands: int = N_BANDS) -> Comparison:
-        from dovetail.notebook.comparison import Comparison
+    def _frfs_compared(self, n_bands: int = N_BANDS) -> StudyComparison:
+        from dovetail.notebook.comparison import StudyComparison
         from dovetail.pipeline import fit_problem
 
         problem = fit_problem(self)
-        return Comparison.of(problem, problem.nominal(), n_bands, self.name, self.label)
+        return StudyComparison.of(problem, problem.nominal(), n_bands, self.name, self.label)
 
     def error(self) -> Misfit:
         """Return the error of the amplitude on the lines of the fit, those held out, and all [dB].
@@ -283,7 +283,7 @@ class Study(config.Study):
 
     def diagnose(
         self, progress: Progress | None = None, processes: int = 1, budget: str = "normal"
-    ) -> Diagnosis | ModeDiagnosis:
+    ) -> StudyDiagnosis | StudyModeDiagnosis:
         """Return which effects the model lacks; see :func:`updating.diagnose`.
 
         By FRFs; by measured modes where the study has nothing else.
@@ -304,8 +304,8 @@ class Study(config.Study):
             If the study has no measurement, or there is no such budget.
         """
         from dovetail.modes_pipeline import diagnose_study_modes
-        from dovetail.notebook.diagnosis import Diagnosis
-        from dovetail.notebook.modes import ModeDiagnosis
+        from dovetail.notebook.diagnosis import StudyDiagnosis
+        from dovetail.notebook.modes import StudyModeDiagnosis
         from dovetail.pipeline import diagnose_study
         from updating.diagnosis.evidence.budget import BUDGETS
 
@@ -313,8 +313,8 @@ class Study(config.Study):
             message = f"budget is one of {', '.join(BUDGETS)}, not {budget!r}"
             raise StudyError(message)
         if has_modes_alone(self):
-            return ModeDiagnosis.of(diagnose_study_modes(self, progress))
-        return Diagnosis.of(diagnose_study(self, progress, processes, budget))
+            return StudyModeDiagnosis.of(diagnose_study_modes(self, progress))
+        return StudyDiagnosis.of(diagnose_study(self, progress, processes, budget))
 
     def plan(
         self,

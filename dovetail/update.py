@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.file.config import Study, read_study
+from dovetail.file.config import StudyContents, read_study
 from dovetail.file.contents import measured, without_held_out
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError, suggest
@@ -54,7 +54,7 @@ class StudyUpdate:
         Sentences beside the update's own messages.
     """
 
-    study: Study
+    study: StudyContents
     updated: Updated
     to: tuple[str, ...]
     modes: MeasuredModes | None
@@ -66,7 +66,7 @@ class StudyUpdate:
 
 
 def identify_study(
-    study: Study,
+    study: StudyContents,
     measurement: str | None = None,
     band: tuple[float, float] | None = None,
     limits: ShapeLimits | None = None,
@@ -119,7 +119,7 @@ def _beyond(data: Measurement, band: tuple[float, float] | None) -> tuple[str, .
     )
 
 
-def update_study(study: Study) -> StudyUpdate:
+def update_study(study: StudyContents) -> StudyUpdate:
     """Update a study's model to the data of its ``[update]``, or to all measured ones.
 
     Modes go before where the study gives them, FRFs where it does not.
@@ -194,7 +194,7 @@ def _compared(modes: MeasuredModes, model: Model) -> ModeComparison:
 # The study with other values --------------------------------------------------------------------------------
 
 
-def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tuple[str, ...]]:
+def updated_text(study: StudyContents, updated: Updated, folder: Path) -> tuple[str, tuple[str, ...]]:
     """Return the text of a study with updated values, to be written into a folder.
 
     Values are put where the study has them; comments and order stay. The text is read again; parts that
@@ -233,7 +233,7 @@ def updated_text(study: Study, updated: Updated, folder: Path) -> tuple[str, tup
 
 
 def _omitted(
-    text: str, study: Study, updated: Updated, values: dict[ParameterRef, float], damping: bool
+    text: str, study: StudyContents, updated: Updated, values: dict[ParameterRef, float], damping: bool
 ) -> list[str]:
     """Return the parts of its model that a text does not give, found by reading it."""
     names = {ref: p.name for p in updated.parameters for ref in p.refs}

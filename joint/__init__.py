@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     )
     from joint.form import FormError, JointForm, full_form, relative_form, with_masses
     from joint.identification import (
-        IdentificationError,
         JointIdentification,
+        JointIdentificationError,
         characteristic_length,
         identify_joint,
     )
@@ -55,8 +55,8 @@ if TYPE_CHECKING:
     from joint.relative import RelativeJoint, relative_coordinates, relative_joint
     from joint.released import ReleasedParts
     from joint.substructuring import (
-        LCurve,
         Regularisation,
+        RegularisationCurve,
         Substructured,
         SubstructuringError,
         couple_frf,
@@ -79,15 +79,15 @@ __all__ = [
     "FixedParts",
     "FormError",
     "Identifiability",
-    "IdentificationError",
     "Interface",
     "JointFit",
     "JointForm",
     "JointIdentification",
-    "LCurve",
+    "JointIdentificationError",
     "LawFit",
     "ModelParts",
     "Regularisation",
+    "RegularisationCurve",
     "RelativeJoint",
     "ReleasedParts",
     "StiffnessLaw",

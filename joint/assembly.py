@@ -13,7 +13,7 @@ from fem.analysis.frf_solver import compute_frf
 from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Model
 from fem.system import assemble
-from joint.identification import IdentificationError, JointIdentification
+from joint.identification import JointIdentification, JointIdentificationError
 from joint.identification import identify_joint as solve_directly
 from joint.interface import CoordinateSet, Interface, SubstructureFRF
 from updating.inference.parameters import Nuisance
@@ -121,15 +121,15 @@ def identify(task: JointTask, amplification: float = 1e3) -> JointIdentification
 
     Raises
     ------
-    IdentificationError
+    JointIdentificationError
         If the sensors and excitations cannot determine it.
     """
     frf = task.measurement.frf.as_kind("receptance")
     try:
         return solve_directly(_without(task), frf.frequency, frf.H, amplification_limit=amplification)
-    except IdentificationError as reason:
+    except JointIdentificationError as reason:
         msg = f"joint '{task.joint.name}' in {', '.join(task.directions)}: {reason}"
-        raise IdentificationError(msg) from reason
+        raise JointIdentificationError(msg) from reason
 
 
 def _without(task: JointTask) -> SubstructureFRF:

@@ -13,7 +13,7 @@ from fem.reduction.reduced_model import ReducedModel, reduce_model
 from joint.assembly import JointTask
 from joint.assembly_starts import SEARCHES, relative_distance, searched, starting_values, vague_prior, walked
 from joint.form import KINDS, LAWS, FormError, JointForm, relative_form
-from joint.identification import IdentificationError, JointIdentification
+from joint.identification import JointIdentification, JointIdentificationError
 from joint.identification import identify_joint as solve_directly
 from joint.interface import SubstructureFRF
 from joint.joint_fit import JointFit
@@ -47,7 +47,7 @@ OUTLYING = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stage:
+class FitStage:
     """A fit to the lines up to some frequency.
 
     Attributes
@@ -78,7 +78,7 @@ class Stage:
             return solve_directly(
                 self.parts, self.fit.frequency, self.given, amplification_limit=amplification
             )
-        except IdentificationError:
+        except JointIdentificationError:
             return None
 
     @property
@@ -92,7 +92,7 @@ class Stage:
         std = np.sqrt(np.diag(self.fit.independent))
         return ~self.fit.at_bound & (std < SHARP * np.abs(self.fit.values))
 
-    def disagreement(self, wider: "Stage") -> NDArray[np.float64]:
+    def disagreement(self, wider: "FitStage") -> NDArray[np.float64]:
         """Return how far a wider band moves the joint's parameters, in standard deviations of the change.
 
         If the model is right, the wider band knows more and var(θ - θ') = var θ - var θ': Hausman,
@@ -111,10 +111,10 @@ class Estimate:
     Attributes
     ----------
     task : JointTask
-    stages : tuple of Stage
+    stages : tuple of FitStage
         Fits to ever wider bands that agree with each other; the last one counts. Covariances are those of as
         many independent values as the modes in the band allow.
-    refused : Stage or None
+    refused : FitStage or None
         The next wider band, which contradicts the last: the model is not right there.
     prior, prior_std : (m,) arrays
         Uncertain parameters of the model [their units], and relative standard deviations [-]; of a parameter
@@ -122,8 +122,8 @@ class Estimate:
     """
 
     task: JointTask
-    stages: tuple[Stage, ...]
-    refused: Stage | None
+    stages: tuple[FitStage, ...]
+    refused: FitStage | None
     prior: NDArray[np.float64]
     prior_std: NDArray[np.float64]
 
@@ -270,7 +270,7 @@ def estimate(
     ------
     FormError
         For terms that cannot be.
-    IdentificationError
+    JointIdentificationError
         If a parameter has no influence, or there are fewer data than parameters.
     """
     form = form_of(task, terms, coupled)
@@ -298,7 +298,7 @@ def estimate(
     bands = every[step]
     ends = [int(np.flatnonzero(bands == b)[-1]) + 1 for b in np.unique(bands)]
 
-    def fit_up_to(count: int, before: Sequence[Stage]) -> Stage:
+    def fit_up_to(count: int, before: Sequence[FitStage]) -> FitStage:
         return _fit_stage(task, form, reduced, problem, step[:count], accuracy, lines, before)
 
     widest = fit_up_to(ends[-1], ())
@@ -328,8 +328,8 @@ def _fit_stage(
     at: NDArray[np.int64],
     accuracy: float,
     lines: JointIdentification | None,
-    before: Sequence[Stage],
-) -> Stage:
+    before: Sequence[FitStage],
+) -> FitStage:
     """Fit some lines from what earlier stages and the identification line by line give as starts."""
     outputs, inputs, rows = (v.T for v in task.vectors())
     parts = ReleasedParts.of(
@@ -360,7 +360,7 @@ def _fit_with_levels(
     starts: Sequence[tuple[str, NDArray[np.float64]]],
     *,
     search: bool,
-) -> Stage:
+) -> FitStage:
     """Fit some lines from several starts, with error levels of each band estimated from the residual."""
     mask, frequency = problem.data.mask[at], problem.data.frequency[at]
     bands = _bands(problem, frequency)
@@ -421,7 +421,7 @@ def _fit_with_levels(
         level = float(levels[b] * np.median(plain[use] / size[use]))
         band_levels.append((float(frequency[bands == b][-1]), level))
     fitted, _ = parts.evaluate(parts.standard(found.part_values))
-    return Stage(found, H, tuple(band_levels), tried[0][0], fitted, problem.data.H[at])
+    return FitStage(found, H, tuple(band_levels), tried[0][0], fitted, problem.data.H[at])
 
 
 def _bands(problem: FitProblem, frequency: NDArray[np.float64]) -> NDArray[np.int64]:

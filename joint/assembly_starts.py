@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from joint.assembly import JointTask
 from joint.average import identify_average
 from joint.form import LAWS, JointForm
-from joint.identification import IdentificationError, JointIdentification
+from joint.identification import JointIdentification, JointIdentificationError
 from joint.interface import SubstructureFRF
 from joint.joint_fit import JointFit
 from joint.output_error import SCAN
@@ -165,7 +165,7 @@ def starting_values(
             mean = identify_average(
                 parts.at_mean, parts.at_mean.frequency, H, form, complete=True, misfit_limit=np.inf
             ).values
-        except IdentificationError:
+        except JointIdentificationError:
             pass
         else:
             usual = values(k, eta * k)

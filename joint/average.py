@@ -11,7 +11,7 @@ from joint._checks import ComplexArray, FloatArray, IntArray, frozen_copy
 from joint.form import JointForm
 from joint.identification import (
     ROUNDING,
-    IdentificationError,
+    JointIdentificationError,
     ScaledProblem,
     characteristic_length,
     factor_tall,
@@ -144,7 +144,7 @@ def identify_average(
     ------
     ValueError
         If shapes or lines do not fit, or a value is not finite.
-    IdentificationError
+    JointIdentificationError
         If joint coordinates are left out, the form is not linear, the data do not determine θ (the
         combination is named), or constant matrices do not explain the data.
     """
@@ -153,10 +153,10 @@ def identify_average(
         msg = (
             "the form's coordinates are not the joint coordinates of the substructures, or not in their order"
         )
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
     if not form.linear:
         msg = "viscoelastic terms are not linear in their parameters; use fit_joint"
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
     if not complete:
         _check_complete(joint)
     ell = characteristic_length(substructures.H_bb, joint) if length is None else length
@@ -175,7 +175,7 @@ def identify_average(
             "may be lacking, substructures may be wrong, or the data too noisy; identify_joint solves line "
             "by line"
         )
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
     return AverageIdentification(
         form, theta, std, condition, problem.length, lines, residual, misfit, substructures.expanded_by
     )
@@ -193,7 +193,7 @@ def _check_complete(joint: CoordinateSet) -> None:
             "(SEREP, SEMM, virtual point), use identify_joint, or say complete=True if the joint acts at "
             "these alone"
         )
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -247,7 +247,7 @@ def _solve(R: FloatArray, form: JointForm, problem: ScaledProblem) -> tuple[Floa
     lost = np.flatnonzero(size == 0)
     if lost.size:
         msg = f"the data say nothing about {form.names[lost[0]]}"
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
     U, s, Vt = np.linalg.svd(E / size, full_matrices=False)
     rank = int((s > n * ROUNDING * s[0]).sum())
     if rank < n:
@@ -259,7 +259,7 @@ def _solve(R: FloatArray, form: JointForm, problem: ScaledProblem) -> tuple[Floa
             f"{words} (a combination with {form.names[lead[0]]} changed by {weights[lead[0]]:.2g}); more "
             "lines, internal coordinates, or a form with fewer parameters are needed"
         )
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
     theta = (Vt.T @ ((U.T @ g) / s)) / size
     residual = np.linalg.norm(g - E @ theta)
     rows = 2 * len(problem.frequency) * problem.A.shape[2] ** 2

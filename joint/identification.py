@@ -33,7 +33,7 @@ _FEW_INPUTS = 48
 """Inputs that tell how small a residual below 3e-6 is."""
 
 
-class IdentificationError(ValueError):
+class JointIdentificationError(ValueError):
     """A joint that the given receptances cannot determine; the message names the reason."""
 
 
@@ -207,7 +207,7 @@ def identify_joint(
     ValueError
         If shapes or lines do not fit, a value is not finite, the noise is not positive, or the basis is not
         of full column rank.
-    IdentificationError
+    JointIdentificationError
         If there are fewer internal outputs or inputs than joint coordinates (or basis columns), if H_ab or
         H_ba lacks rank at every line, or if no line is regular. The message names the joint coordinates.
     """
@@ -240,7 +240,7 @@ def identify_joint(
             f"determined is {directions.name(_null_space(problem.A[best], 1))}; add internal outputs and "
             "inputs near the joint, or give a basis"
         )
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
     return result
 
 
@@ -386,7 +386,7 @@ def _check_counts(n_outputs: int, n_inputs: int, needed: int, kind: str) -> None
                 f"{found} internal {word} cannot determine {needed} {kind}; at least {needed} are needed "
                 f"(N_a ≥ N_b), or a basis of at most {found} columns"
             )
-            raise IdentificationError(msg)
+            raise JointIdentificationError(msg)
 
 
 def _check_rank(tall: ComplexArray, name: str, meaning: str, directions: _Directions) -> None:
@@ -403,7 +403,7 @@ def _check_rank(tall: ComplexArray, name: str, meaning: str, directions: _Direct
             f"{name} has rank {rank[best]} of {p} at best over {len(rank)} lines: {meaning} "
             f"{directions.name(null)}; add internal coordinates that do, or give a basis without them"
         )
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
 
 
 def _rank_and_condition(tall: ComplexArray) -> tuple[IntArray, FloatArray]:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from joint._checks import BoolArray, FloatArray, as_frequency, as_lines, check_same_lines
 from joint.form import JointForm
-from joint.identification import IdentificationError
+from joint.identification import JointIdentificationError
 from joint.interface import SubstructureFRF
 from joint.joint_fit import JointFit
 from joint.likelihood import Likelihood, LikelihoodPoint, checked_prior, noise_of
@@ -118,7 +118,7 @@ def fit_joint(
     ValueError
         If shapes or lines do not fit, the noise is not positive, the start is not finite, or a stage or kind
         is none.
-    IdentificationError
+    JointIdentificationError
         If the form's coordinates are not those of the substructures, there are fewer data than parameters,
         or a parameter has no influence on any FRF (it is named).
     """
@@ -131,7 +131,7 @@ def fit_joint(
         msg = (
             "the form's coordinates are not the joint coordinates of the substructures, or not in their order"
         )
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
     given = np.asarray(H_nn, dtype=complex)
     seen = np.isfinite(given)
     measured = as_lines(
@@ -146,7 +146,7 @@ def fit_joint(
         raise ValueError(msg)
     if 2 * int(seen.sum()) < n:
         msg = f"{int(seen.sum())} complex values cannot determine {n} parameters"
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
     x = np.zeros(m) if part_start is None else np.asarray(part_start, dtype=float)
     if x.shape != (m,) or not np.isfinite(x).all():
         msg = f"part_start has shape {x.shape}; ({m},) finite values are needed"
@@ -328,7 +328,7 @@ def _result(
         msg = (
             f"{', '.join(dead[:6])} has no influence on any FRF; leave it out of the form or add coordinates"
         )
-        raise IdentificationError(msg)
+        raise JointIdentificationError(msg)
     state, at_bound = _at_zero(problem, state)
     residual = problem.weight * (state.H - problem.measured)
     count = int((problem.weight > 0).sum())

@@ -254,7 +254,7 @@ def _receptances(parts: FRF | Sequence[FRF]) -> tuple[FRF, ...]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LCurve:
+class RegularisationCurve:
     """Hold residual and solution norms of an inversion against the amount of regularisation.
 
     Attributes
@@ -275,7 +275,7 @@ class LCurve:
 
 def l_curve(
     A: npt.ArrayLike, B: npt.ArrayLike, method: str = "tikhonov", amounts: npt.ArrayLike | None = None
-) -> LCurve:
+) -> RegularisationCurve:
     """Return the L-curve of an inversion A X = B at many lines.
 
     Hansen, SIAM Review 34 (1992) 561-580.
@@ -321,7 +321,7 @@ def l_curve(
         rows.append((np.sqrt((r**2).mean()), np.sqrt((x**2).mean())))
     residual, solution = np.array(rows).T
     solution = solution / solution.max()
-    return LCurve(tried, residual, solution, _corner(tried, residual, solution))
+    return RegularisationCurve(tried, residual, solution, _corner(tried, residual, solution))
 
 
 def _corner(amount: FloatArray, residual: FloatArray, solution: FloatArray) -> float:

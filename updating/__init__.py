@@ -72,6 +72,7 @@ if TYPE_CHECKING:
         EstimationError,
         estimate_frf,
         estimate_roving,
+        level_at_end,
         split_hits,
     )
     from updating.measurement.matching import (
@@ -90,6 +91,7 @@ if TYPE_CHECKING:
     )
     from updating.measurement.noise import noise_from_coherence, noise_from_repeats, relative_noise
     from updating.measurement.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
+    from updating.measurement.recorded_channels import RecordedChannels, recorded_channels
     from updating.measurement.strain_gauge import StrainGauge
     from updating.measurement.tables import (
         frf_from_labelled,
@@ -148,6 +150,7 @@ __all__ = [
     "PretestPlan",
     "Ranked",
     "Reciprocity",
+    "RecordedChannels",
     "Samples",
     "Sensor",
     "Stabilisation",
@@ -187,6 +190,7 @@ __all__ = [
     "identify_modes",
     "labelled_from_frf",
     "labelled_from_modes",
+    "level_at_end",
     "locate",
     "mac",
     "mac_without",
@@ -209,6 +213,7 @@ __all__ = [
     "principal_angles",
     "propose",
     "real_shapes",
+    "recorded_channels",
     "relative_noise",
     "select_by_pivoting",
     "select_forward",

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from joint.physics import StiffnessLaw
-from joint.substructuring import LCurve
+from joint.substructuring import RegularisationCurve
 from viz import style
 from viz.axes import Band, curve_keys, legend_above, shade
 
@@ -148,7 +148,7 @@ def plot_stiffness_laws(laws: Sequence[StiffnessLaw], title: str = "") -> Figure
     return figure
 
 
-def plot_l_curve(curve: LCurve, chosen: float | None = None, title: str = "") -> Figure:
+def plot_l_curve(curve: RegularisationCurve, chosen: float | None = None, title: str = "") -> Figure:
     """Plot residual against solution over the amount of regularisation, with its corner.
 
     Parameters

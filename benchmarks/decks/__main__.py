@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem import assemble, solve_modes
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_model import model_of
 from fem.io.nastran_frame import read_nastran_frame
 from fem.mesh import MeshError
@@ -48,7 +48,7 @@ def listed_frequencies(path: Path) -> NDArray[np.float64]:
 
 def read_frequencies(path: Path, n: int) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Return the lowest natural frequencies of a deck's model [Hz], and its notes."""
-    model = model_of(read_nastran_frame(path, Units()))
+    model = model_of(read_nastran_frame(path, DeckUnits()))
     return solve_modes(assemble(model), n).frequency, model.mesh.notes
 
 

@@ -20,7 +20,7 @@ from dovetail.commands.argument_types import add_pool, integer_up_to, natural
 from dovetail.units.folder import FolderError
 from dovetail.units.outcome import outcome_of
 from dovetail.units.pool import PoolError, pool_of
-from dovetail.units.work import Step
+from dovetail.units.work import WorkStep
 from fem.io.atomic import replacing
 
 
@@ -70,7 +70,7 @@ def run_all(options: argparse.Namespace, settings: CaseSettings) -> None:
     nulls = options.nulls if options.nulls is not None else options.cases
     folder: Path = options.out or Path(f"validation-{options.seed}")
 
-    def say(record: Record, step: Step) -> None:
+    def say(record: Record, step: WorkStep) -> None:
         if not options.quiet:
             words = f"{record['case']} {record['outcome']} in {record['seconds']:.0f} s; {step.words}"
             print(words, file=sys.stderr, flush=True)

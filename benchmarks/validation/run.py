@@ -14,7 +14,7 @@ from dovetail.units.folder import Journal, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool, ThisProcess
 from dovetail.units.program import fingerprint
-from dovetail.units.work import Step, work_through
+from dovetail.units.work import WorkStep, work_through
 from updating.diagnosis.diagnose import diagnose
 
 CASES_FILE = "cases.jsonl"
@@ -85,7 +85,7 @@ def validate(
     folder: Path,
     *,
     pool: Pool = ThisProcess(),  # noqa: B008 - frozen
-    say: Callable[[Record, Step], None] = lambda record, step: None,
+    say: Callable[[Record, WorkStep], None] = lambda record, step: None,
 ) -> list[Record]:
     """Run the cases that a folder does not hold yet; return the records of all that were asked for.
 
@@ -105,7 +105,7 @@ def validate(
             by_task[outcome.unit] = record_of(settings, outcome)
             journal.add(by_task[outcome.unit])
 
-        def ended(step: Step) -> None:
+        def ended(step: WorkStep) -> None:
             say(by_task[step.outcome.unit], step)
 
         with closing(Journal(file, known)) as journal:

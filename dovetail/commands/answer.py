@@ -7,7 +7,7 @@ from typing import Any
 
 from dovetail.commands.common import Options
 from dovetail.disk.output import write_json
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.report.table import Column, Table, write_csv, write_xlsx
 from fem.io.atomic import goes_to_stdout
 
@@ -18,7 +18,7 @@ class Answer:
 
     Attributes
     ----------
-    study : Study or None
+    study : StudyContents or None
         JSON has its name, notes, assumptions and warnings.
     printed : sequence of str or Table
         Lines and tables in their order.
@@ -35,7 +35,7 @@ class Answer:
         Raised when all is printed and written.
     """
 
-    study: Study | None
+    study: StudyContents | None
     printed: Sequence[str | Table]
     fields: Mapping[str, Any] = field(default_factory=dict)
     nulls: Mapping[str, str] | None = None

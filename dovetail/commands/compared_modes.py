@@ -11,7 +11,7 @@ from dovetail.disk.output import Progress
 from dovetail.report.table import Column, Table
 
 if TYPE_CHECKING:
-    from dovetail.notebook.modes import ModeComparison
+    from dovetail.notebook.modes import StudyModeComparison
     from dovetail.study import Study
     from updating.inference.fit_result import FitResult
     from updating.inference.mode_fit import ModeProblem
@@ -33,13 +33,13 @@ ON_BASELINE = "the measured modes are without what the model leaves on the basel
 def compare_modes(options: Options, study: "Study", progress: Progress) -> Answer:
     """Return how far the model's modes are from the measured ones."""
     from dovetail import result
-    from dovetail.notebook.modes import ModeComparison
+    from dovetail.notebook.modes import StudyModeComparison
     from dovetail.report import words
 
     progress("reducing the model")
     problem, found = _fitted(study, progress) if options.fitted else _nominal(study)
     what = "with fitted parameters" if options.fitted else "nominal"
-    c = ModeComparison.of(problem, found, study.name, what)
+    c = StudyModeComparison.of(problem, found, study.name, what)
     fitted = found if options.fitted else None
     added = study.added if fitted is None else fitted.effects
     held_out = c.held_out_error
@@ -88,7 +88,7 @@ def _fitted(study: "Study", progress: Progress) -> "tuple[ModeProblem, FitResult
     return fit_given(problem, effects)
 
 
-def _table(c: "ModeComparison") -> Table:
+def _table(c: "StudyModeComparison") -> Table:
     """Return measured and computed modes."""
     file = ("file",)
     return Table.of(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.histories import Columns
+from dovetail.file.histories import HistoryColumns
 from dovetail.file.table import StudyError, suggest
 from dovetail.study import Study
 from fem.analysis.statics import load_vectors
@@ -37,7 +37,7 @@ class Driven:
     base: dict[str, int]
 
 
-def driven_by(study: Study, columns: Columns, density: bool = False) -> Driven:
+def driven_by(study: Study, columns: HistoryColumns, density: bool = False) -> Driven:
     """Return what columns drive by their names.
 
     A name is that of an excitation (a force at it), of a load case or combination (times its loads), or

@@ -15,11 +15,11 @@ from dovetail.export import (
     exported_edit,
     program_of,
 )
-from dovetail.file.contents import SourceDeck, Study
+from dovetail.file.contents import SourceDeck, StudyContents
 from fem.analysis.modes import first_modes
 from fem.io import write_modes
 from fem.io.atomic import replacing
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.programs import ALLOWED
 from fem.io.source_changes import DeckEdit, SourceError
 from fem.matrices import UNITS
@@ -77,7 +77,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     )
 
 
-def _source(options: Options, study: Study, notes: list[str]) -> SourceDeck | None:
+def _source(options: Options, study: StudyContents, notes: list[str]) -> SourceDeck | None:
     """Return the deck that the cards are for, None with a note where it cannot be read."""
     known = study.source
     if options.into is not None:
@@ -107,7 +107,7 @@ def _named(units: str | Sequence[float]) -> str:
 
 
 def _edit(
-    options: Options, study: Study, source: SourceDeck, notes: list[str]
+    options: Options, study: StudyContents, source: SourceDeck, notes: list[str]
 ) -> tuple[DeckEdit, Exported] | None:
     """Return the cards for the source deck; None with a note where its numbers cannot be kept."""
     try:
@@ -179,7 +179,7 @@ def run(options: Options, progress: Progress) -> Answer:
     replaces: list[str] = []
     if source is not None and (program in paths or options.merge is not None):
         progress("comparing with the deck")
-        if options.units is not None and Units.of(options.units) != Units.of(source.units):
+        if options.units is not None and DeckUnits.of(options.units) != DeckUnits.of(source.units):
             msg = f"--units {options.units}: the units of {source.file.name} are {_named(source.units)}"
             raise OutputError(msg)
         units = source.units
@@ -205,7 +205,7 @@ def run(options: Options, progress: Progress) -> Answer:
         progress("making the deck")
         deck, lines = exported_deck(study, whole=options.whole)
         heading = (*lines, f"units {_named(units)}")
-        texts |= {paths[name]: WRITERS[name](deck, Units.of(units), heading, MODES) for name in others}
+        texts |= {paths[name]: WRITERS[name](deck, DeckUnits.of(units), heading, MODES) for name in others}
         notes += deck.notes
     for path, text in texts.items():
         with replacing(path) as scratch:

@@ -2,7 +2,7 @@
 
 import argparse
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ from fem.io.atomic import replacing
 if TYPE_CHECKING:
     from fem.io.time_data import TimeData
     from updating.measurement.frf_estimation import EstimatedFRF
+    from updating.measurement.recorded_channels import RecordedChannels
 
 EXAMPLE = "dovetail frf-estimate hits.wav --force ch1 --scale ch1=230,ch2=98.1 --hits 0.8 --out frf.npz"
 
@@ -111,29 +112,27 @@ def labels_by_name(text: str) -> dict[str, str]:
     return out
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Chosen:
-    """Channels of forces and responses in SI units; ``of_motion`` where motions are in place of forces."""
-
-    force: Floats
-    response: Floats
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    kind: str
-    notes: tuple[str, ...]
-    of_motion: bool = False
-
-
 def run(options: Options, progress: Progress) -> Answer:
     """Estimate FRFs and write them."""
     from fem.io.time_data import read_time_data
+    from updating.measurement.recorded_channels import recorded_channels
 
     if len(options.records) > 1 and options.hits is None:
         msg = "several records are joined where --hits cuts blocks of them; give one record, or --hits"
         raise OutputError(msg)
     progress("reading")
     records = [read_time_data(path, options.sample_rate) for path in options.records]
-    chosen = [_channels(options, record) for record in records]
+    chosen = [
+        recorded_channels(
+            record,
+            options.force,
+            options.response,
+            scale=options.scale,
+            labels=options.rename,
+            kind=options.kind,
+        )
+        for record in records
+    ]
     progress("estimating", 0.3)
     estimate, notes = _estimate(options, records, chosen)
     _write(options.out, estimate)
@@ -146,124 +145,8 @@ def run(options: Options, progress: Progress) -> Answer:
     return _report(options, estimate, [*dict.fromkeys(n for c in chosen for n in c.notes), *notes])
 
 
-def _channels(options: Options, data: "TimeData") -> _Chosen:
-    """Return the forces and responses of a record in SI units."""
-    from fem.io.time_data import force_unit, motion_unit
-    from fem.io.units import size_of
-
-    for name in (*options.scale, *options.rename):
-        data.channel(name)
-    by_unit = [c for c, u in zip(data.channels, data.units, strict=True) if force_unit(u) is not None]
-    forces = options.force or by_unit
-    if not forces:
-        listed = ", ".join(f"{c} [{u or '-'}]" for c, u in zip(data.channels, data.units, strict=True))
-        msg = f"{data.name}: no channel is in a unit of force; give --force, of {listed}"
-        raise OutputError(msg)
-    responses = options.response or [c for c in data.channels if c not in forces]
-    if not responses or set(forces) & set(responses):
-        msg = (
-            f"{data.name}: the forces are {', '.join(forces)}, the responses {', '.join(responses) or 'none'}"
-        )
-        raise OutputError(msg)
-    notes = list(data.notes)
-    kinds: dict[str, FRFKind] = {}
-    columns: dict[str, Floats] = {}
-    for name in (*forces, *responses):
-        at = data.channel(name)
-        unit, is_force = data.units[at], name in forces
-        motion, force = motion_unit(unit), force_unit(unit)
-        if motion is not None:
-            kinds[name] = motion[0]
-        if not is_force and force is not None and name not in options.scale:
-            msg = (
-                f"{data.name}: the response {name} is in '{unit}', a unit of force; give it as --force, or "
-                f"--scale {name}=FACTOR"
-            )
-            raise OutputError(msg)
-        known = force if motion is None else motion[1]
-        other = size_of(unit)
-        if known is None and other is not None and any(other[1]) and name not in options.scale:
-            msg = (
-                f"{data.name}: channel {name} is in '{unit}', which is neither a force nor a motion; leave "
-                f"it out by --force and --response, or give --scale {name}=FACTOR"
-            )
-            raise OutputError(msg)
-        if name not in options.scale and known is None:
-            of = "SI units" if not is_force or options.kind == TRANSMISSIBILITY else "N"
-            notes.append(
-                f"channel {name} of {data.name} has {f'the unit {unit!r}' if unit else 'no unit'} and is "
-                f"taken to be in {of}; --scale {name}=FACTOR corrects that"
-            )
-        if data.full_scale is not None and (np.abs(data.values[:, at]) >= 0.999 * data.full_scale).any():
-            notes.append(f"channel {name} of {data.name} reaches the end of its range: it may be clipped")
-        columns[name] = options.scale.get(name, known or 1.0) * data.values[:, at]
-    kind, of_motion = _kind(
-        options, data, {c: kinds.get(c) for c in forces}, {c: kinds.get(c) for c in responses}
-    )
-    labels = [tuple(options.rename.get(n, n) for n in part) for part in (forces, responses)]
-    parts = [np.column_stack([columns[n] for n in part]) for part in (forces, responses)]
-    return _Chosen(parts[0], parts[1], labels[0], labels[1], kind, tuple(notes), of_motion)
-
-
-def _kind(
-    options: Options,
-    data: "TimeData",
-    references: dict[str, FRFKind | None],
-    responses: dict[str, FRFKind | None],
-) -> tuple[str, bool]:
-    """Return the kind of the FRFs, and whether their references are motions in place of forces.
-
-    A motion for another one has the kind of the FRF to the acceleration of the reference
-    (:attr:`fem.io.uff_types.Function.kind`), so two of one quantity have that of a transmissibility.
-    """
-    stated = {c: k for c, k in responses.items() if k is not None and c not in options.scale}
-    if len(set(stated.values())) > 1 and options.kind is None:
-        listed = ", ".join(f"{c} of {k}" for c, k in stated.items())
-        msg = f"{data.name}: the responses are of several kinds ({listed}); give --response of one kind"
-        raise OutputError(msg)
-    motions = {c: k for c, k in references.items() if k is not None and c not in options.scale}
-    asked = options.kind == TRANSMISSIBILITY
-    if not asked and (
-        not motions or (options.kind is not None and all(c in options.scale for c in references))
-    ):
-        return str(options.kind or next(iter(stated.values()), FRFKind.ACCELERANCE)), False
-    from fem.io.time_data import force_unit
-
-    labels = {c: data.units[data.channel(c)] for c in (*references, *responses)}
-    of_force = [c for c in references if force_unit(labels[c]) is not None and c not in options.scale]
-    if of_force:
-        msg = (
-            f"{data.name}: the reference {of_force[0]} is in '{labels[of_force[0]]}', a unit of force; "
-            "a transmissibility refers to a motion, and --force takes either forces or motions"
-        )
-        raise OutputError(msg)
-    if options.kind is not None and not asked:
-        name = next(iter(motions))
-        msg = (
-            f"{data.name}: --force {name} is in '{labels[name]}', a unit of motion, and --kind "
-            f"{options.kind} needs a force [N]; give --kind {TRANSMISSIBILITY}, or --scale {name}=FACTOR to N"
-        )
-        raise OutputError(msg)
-    of, to = (next(iter(k.values()), None) for k in (stated, motions))
-    if len(set(motions.values())) > 1:
-        listed = ", ".join(motions)
-        msg = f"{data.name}: the references are different motions ({listed}); give --force of one kind"
-        raise OutputError(msg)
-    if of is None or to is None or of == to:
-        return str(FRFKind.ACCELERANCE), True
-    order = of.derivatives - to.derivatives + 2
-    if asked or not 0 <= order <= 2:
-        one, other = next(iter(stated)), next(iter(motions))
-        msg = (
-            f"{data.name}: {one} is in '{labels[one]}' and the reference {other} in '{labels[other]}'; a "
-            "transmissibility needs two motions of one kind"
-        )
-        raise OutputError(msg)
-    return str(tuple(FRFKind)[order]), True
-
-
 def _estimate(
-    options: Options, records: "list[TimeData]", chosen: list[_Chosen]
+    options: Options, records: "list[TimeData]", chosen: "list[RecordedChannels]"
 ) -> "tuple[EstimatedFRF, list[str]]":
     """Return the estimated FRFs, and notes on the blocks."""
     from updating.measurement.frf_estimation import estimate_frf, split_hits
@@ -317,17 +200,15 @@ def _estimate(
 
 def _ringing(blocks: Floats, outputs: tuple[str, ...], window: str | None) -> list[str]:
     """Say of which responses the blocks end before they have died away."""
+    from updating.measurement.frf_estimation import level_at_end
+
     if window == "exponential":
         return []
-    tail = max(1, blocks.shape[1] // 20)
-    peak = np.abs(blocks).max(axis=1)
-    last = np.sqrt((blocks[:, -tail:] ** 2).mean(axis=1)) * np.sqrt(2)
-    share = np.divide(last, peak, out=np.zeros(peak.shape), where=peak > 0).max(axis=0)
     return [
         f"the response {name} still has {100 * s:.2g} % of its peak at the end of the blocks, which leaks "
         "into "
         "its FRF: give longer --hits, or --window exponential"
-        for name, s in zip(outputs, share, strict=True)
+        for name, s in zip(outputs, level_at_end(blocks), strict=True)
         if s > STILL_RINGING
     ]
 

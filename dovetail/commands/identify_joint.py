@@ -62,7 +62,7 @@ def run(options: Options, progress: Progress) -> Answer:
     """Fit a joint by output error; show it line by line in addition; write the joint into a study."""
     from dovetail.identify import read_task, write_proposal
     from dovetail.report.joint import draw_joint, joint_result, joint_words
-    from joint import IdentificationError
+    from joint import JointIdentificationError
     from joint.assembly import identify, summarise
     from joint.assembly_fit import estimate
 
@@ -73,7 +73,7 @@ def run(options: Options, progress: Progress) -> Answer:
     lines, reason = None, ""
     try:
         lines = identify(task, options.amplification)
-    except IdentificationError as refusal:
+    except JointIdentificationError as refusal:
         reason = str(refusal).partition(": ")[2]
     progress("fitting the joint to all lines")
     found = estimate(task, terms, coupled=options.coupled, accuracy=options.accuracy, lines=lines)

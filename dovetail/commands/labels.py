@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.disk.output import OutputError
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from fem.io.uff import UffError, label_of, parse_label
 from fem.io.uff_types import Points, TraceLine
 from fem.mesh import Mesh
@@ -32,7 +32,7 @@ class NodeNumbers:
     study : Study
     """
 
-    def __init__(self, study: Study) -> None:
+    def __init__(self, study: StudyContents) -> None:
         mesh = study.model.mesh
         self.mesh: Mesh = mesh
         self._labels = study.labels

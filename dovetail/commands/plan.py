@@ -11,7 +11,7 @@ from dovetail.disk.output import Progress, write_json
 from dovetail.file.table import StudyError
 
 if TYPE_CHECKING:
-    from dovetail.file.contents import Study
+    from dovetail.file.contents import StudyContents
     from updating.plan.check import FailedTrial, Trial
     from updating.plan.plan import Plan
 
@@ -133,7 +133,7 @@ def run(options: Options, progress: Progress) -> Answer:
 
 
 def _checked(
-    options: Options, study: "Study", plan: "Plan", fields: dict[str, Any], progress: Progress
+    options: Options, study: "StudyContents", plan: "Plan", fields: dict[str, Any], progress: Progress
 ) -> list["Trial | FailedTrial"]:
     """Return the trials of ``--check``; the JSON file has those that ended, also if the check is stopped."""
     from dovetail.plan import check_plan

@@ -13,7 +13,7 @@ from dovetail.commands.excitations import BASE
 from dovetail.commands.load_cases import table_of_reactions
 from dovetail.commands.results import Results, write_motions
 from dovetail.disk.output import Progress
-from dovetail.file.histories import Columns, read_columns
+from dovetail.file.histories import HistoryColumns, read_columns
 from dovetail.file.rotation import RPM
 from dovetail.file.table import StudyError, suggest
 from dovetail.report.table import Column, Table, columns_of
@@ -202,7 +202,7 @@ def refuse_rotors(study: Study) -> None:
         raise StudyError(msg)
 
 
-def _spectra(table: Columns, zeta: float) -> tuple[dict[str, Tabulated], dict[str, float]]:
+def _spectra(table: HistoryColumns, zeta: float) -> tuple[dict[str, Tabulated], dict[str, float]]:
     """Return the spectra of a table by direction, and the accelerations at period 0.
 
     Those of a record are its shock response spectra for a damping ratio.

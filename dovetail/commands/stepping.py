@@ -8,17 +8,17 @@ from pathlib import Path
 from dovetail.commands.common import Options
 from dovetail.disk.output import Progress
 from dovetail.units.outcome import Unit
-from dovetail.units.work import Step
+from dovetail.units.work import WorkStep
 
 SECONDS = 10.0
 """Least time between two lines where there is no terminal for a bar [s]."""
 
 
-def step_progress(options: Options, progress: Progress) -> Callable[[Step], None]:
+def step_progress(options: Options, progress: Progress) -> Callable[[WorkStep], None]:
     """Return a function that shows each step: as a bar, or now and then as a line on standard error."""
     last = [time.monotonic()]
 
-    def say(step: Step) -> None:
+    def say(step: WorkStep) -> None:
         progress(step.words, step.done, step.total)
         now = time.monotonic()
         due = now - last[0] > SECONDS

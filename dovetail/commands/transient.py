@@ -16,7 +16,7 @@ from dovetail.commands.load_cases import require_sensors
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_rpm, at_asked_speed
 from dovetail.disk.output import OutputError, Progress
-from dovetail.file.histories import Columns, read_columns
+from dovetail.file.histories import HistoryColumns, read_columns
 from dovetail.file.initial import InitialMotion, start_of
 from dovetail.file.table import suggest
 from dovetail.report.table import Column, Table, columns_of
@@ -202,7 +202,7 @@ def _excitation(study: Study, options: Options, initial: Start | None) -> Excita
         if options.step is None or options.duration is None:
             msg = "a response without --excitation needs --step and --duration"
             raise OutputError(msg)
-        table = Columns("", "time", np.array([0.0, options.duration]), (), np.zeros((2, 0)))
+        table = HistoryColumns("", "time", np.array([0.0, options.duration]), (), np.zeros((2, 0)))
     else:
         table = read_columns(options.excitation, ("time",))
     driven = driven_by(study, table)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.ensemble.bootstrap import Bootstrap, sentences
-from dovetail.report.blocks import Group, Items, Picture, Report, Section, TableBlock, Text
+from dovetail.report.blocks import Group, Items, Picture, Report, ReportSection, TableBlock, Text
 from dovetail.result import PICTURES, REPORT
 from dovetail.update import StudyUpdate
 
@@ -53,18 +53,18 @@ def write_update_report(
         "parameters", plot_parameters(u), "Change from the start, with 95 % intervals and priors."
     )
     sections = [
-        Section("Parameters", (_parameter_table(result), parameters)),
-        Section("Doubts", (Items(words),)),
+        ReportSection("Parameters", (_parameter_table(result), parameters)),
+        ReportSection("Doubts", (Items(words),)),
     ]
     if result.after is not None and result.before is not None:
         caption = "Measured modes and those of the updated model."
         drawn = picture("modes", plot_mode_pairs(result.after), caption)
-        sections.append(Section("Modes", (_mode_table(result.before, result.after), drawn)))
+        sections.append(ReportSection("Modes", (_mode_table(result.before, result.after), drawn)))
     if result.identified is not None:
         data = study.measurements[0].frf
         caption = "Mode indicators, poles of all orders, and the modes that were taken."
         drawn = picture("stabilisation", plot_stabilisation(data, result.identified), caption)
-        sections.append(Section("Identified modes", (drawn,)))
+        sections.append(ReportSection("Identified modes", (drawn,)))
     m = result.measurement
     if m is not None:
         frf = m.frf.select(lines=m.frf.frequency > 0, band=study.band)
@@ -73,19 +73,21 @@ def write_update_report(
             for label, model in (("at the start", study.model), ("updated", u.model))
         }
         caption = "Measured FRFs, and those of the model at the start and at the end."
-        sections.append(Section("FRFs", (picture("frfs", plot_frf(frf, models), caption),)))
+        sections.append(ReportSection("FRFs", (picture("frfs", plot_frf(frf, models), caption),)))
     if refits is not None:
         caption = "Refits of resamples (5 to 95 %, median) and the linearised interval of as many per cent."
         drawn = picture("bootstrap", plot_bootstrap(u, refits.values), caption)
-        sections.append(Section("Bootstrap", (_bootstrap_table(refits), drawn, Items(sentences(refits)))))
+        sections.append(
+            ReportSection("Bootstrap", (_bootstrap_table(refits), drawn, Items(sentences(refits))))
+        )
     steps = [picture("convergence", plot_convergence(u), "Errors and parameters over the steps.")]
     if len(u.parameters) > 1:
         steps.append(picture("correlation", plot_correlation(u), "Correlations of the estimates."))
     sections += [
-        Section("How it came about", steps),
-        Section("Notes on the mesh file", (Items(study.model.mesh.notes),)),
-        Section("Notes on the measured files", (Items(study.measured_notes),)),
-        Section("Assumptions", (Items(study.assumptions),)),
+        ReportSection("How it came about", steps),
+        ReportSection("Notes on the mesh file", (Items(study.model.mesh.notes),)),
+        ReportSection("Notes on the measured files", (Items(study.measured_notes),)),
+        ReportSection("Assumptions", (Items(study.assumptions),)),
     ]
     verdict = (
         Text(f"Updated to {' and '.join(result.to)}", "kind"),

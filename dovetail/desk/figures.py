@@ -19,7 +19,7 @@ from viz.interactive.error import error_map_figure, staircase_figure
 from viz.interactive.frf import MAGNITUDE, PHASE, frf_figure
 from viz.interactive.model import model_figure
 from viz.interactive.modes import modes_figure
-from viz.interactive.solids import Place
+from viz.interactive.solids import MarkedPlace
 
 HERE, NOMINAL, SECOND = "this hypothesis", "nominal", "second hypothesis"
 AT_ONCE = {"frame": {"duration": 0, "redraw": False}, "transition": {"duration": 0}, "mode": "immediate"}
@@ -48,10 +48,10 @@ def model(desk: Desk, chosen: str, height: float) -> Figure:
     marks = []
     for effect in desk.shown.hypothesis.effects:
         points = effect.locations(desk.live.problem.reduced.model)
-        marks += [Place(p, effect.name, words.place(effect.where), "finding") for p in points[:1]]
+        marks += [MarkedPlace(p, effect.name, words.place(effect.where), "finding") for p in points[:1]]
     for spot in desk.spots.values():
         role = "chosen place" if spot.name == chosen else "candidate"
-        marks.append(Place(np.array(spot.point), spot.name, ", ".join(spot.places), role))
+        marks.append(MarkedPlace(np.array(spot.point), spot.name, ", ".join(spot.places), role))
     errors = dict(zip(desk.shown.comparison.outputs, desk.shown.by_sensor().tolist(), strict=True))
     measurement = desk.live.problem.data.measurement
     return model_figure(

@@ -8,7 +8,7 @@ from nicegui import ui
 from plotly.graph_objects import Figure
 
 from dovetail.desk.session import Desk
-from dovetail.desk.views import VIEWS, Chosen, View
+from dovetail.desk.views import VIEWS, Chosen, DeskView
 from dovetail.desk.widgets import Act, button, card, check, choice, labelled, plot, show
 from updating.live.engine import Evaluation
 from updating.measurement.held_out import Band, band_text
@@ -49,7 +49,7 @@ class FrfPanel:
         self.plot.on("plotly_click", lambda e: self._clicked(e.args))
 
     @property
-    def view(self) -> View:
+    def view(self) -> DeskView:
         """The view shown."""
         return VIEWS[self._name]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.desk.state import History, Stair, State
+from dovetail.desk.state import DeskState, History, Stair
 from dovetail.file.faults import UNITS
 from fem.io.atomic import replacing
 from fem.model import Effect, parameter_values
@@ -90,7 +90,7 @@ def _mark(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _plain_state(s: State) -> dict[str, Any]:
+def _plain_state(s: DeskState) -> dict[str, Any]:
     return {
         "label": s.label,
         "hypothesis": _plain(s.hypothesis),
@@ -116,9 +116,9 @@ def _numbers(values: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(v) for name, v in values.items()}
 
 
-def _state(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> State:
+def _state(d: Mapping[str, Any], candidates: Mapping[str, Effect]) -> DeskState:
     other = d["other"]
-    return State(
+    return DeskState(
         str(d["label"]),
         _hypothesis(d["hypothesis"], candidates),
         _stairs(d["stairs"]),

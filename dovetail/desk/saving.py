@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from dovetail.disk.output import Output, check_outputs, result_folder
-from dovetail.file.config import Study, load_study
+from dovetail.file.config import StudyContents, load_study
 from dovetail.file.paths import input_files
 from dovetail.file.toml import with_values
 from dovetail.found import fitted_text
@@ -29,7 +29,7 @@ from updating.measurement.held_out import band_of, band_text
 BY_HAND = "The effects of this report were chosen by hand; no search has compared them with others."
 
 
-def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path:
+def save_study(study: StudyContents, live: LiveModel, h: Hypothesis, path: Path) -> Path:
     """Write the study with a hypothesis in it, and beside it which values were compared.
 
     `dovetail compare` with this file prints the errors that the desk shows.
@@ -76,7 +76,7 @@ def save_study(study: Study, live: LiveModel, h: Hypothesis, path: Path) -> Path
     return path
 
 
-def study_with(study: Study, live: LiveModel, h: Hypothesis) -> Study:
+def study_with(study: StudyContents, live: LiveModel, h: Hypothesis) -> StudyContents:
     """Return a study with a hypothesis in it, as :func:`save_study` writes it."""
     with TemporaryDirectory() as folder:
         saved = load_study(save_study(study, live, h, Path(folder) / study.path.name))
@@ -88,12 +88,14 @@ def form_of(live: LiveModel, h: Hypothesis) -> tuple[Effect, ...]:
     return live.form if live.has_form(h) else ()
 
 
-def model_of(study: Study, live: LiveModel, h: Hypothesis) -> Model:
+def model_of(study: StudyContents, live: LiveModel, h: Hypothesis) -> Model:
     """Return the full model of a hypothesis."""
     return fitted_model(study.model.with_effect(*form_of(live, h)), h.result())
 
 
-def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path, say: Progress) -> Path:
+def write_desk_report(
+    study: StudyContents, live: LiveModel, h: Hypothesis, folder: Path, say: Progress
+) -> Path:
     """Write the report of a hypothesis, as `dovetail run` writes that of a search.
 
     Parameters
@@ -129,18 +131,18 @@ def write_desk_report(study: Study, live: LiveModel, h: Hypothesis, folder: Path
     return result.report
 
 
-def live_model(study: Study) -> LiveModel:
+def live_model(study: StudyContents) -> LiveModel:
     """Return a study's model, ready for one hypothesis after the other, with its form or without."""
     return LiveModel(fit_problem(study), partial(formed_fit_problem, study))
 
 
-def held_out_of(study: Study) -> frozenset[str]:
+def held_out_of(study: StudyContents) -> frozenset[str]:
     """Return the channels and bands that a study keeps from fits, as `[fit] held_out` writes them."""
     held = (*(f"excitation {n}" for n in study.held_out), *(f"sensor {n}" for n in study.held_out_sensors))
     return frozenset((*held, *map(band_text, study.held_out_bands)))
 
 
-def holding_out(study: Study, parts: Collection[str]) -> Study:
+def holding_out(study: StudyContents, parts: Collection[str]) -> StudyContents:
     """Return a study that keeps other channels and bands from fits, channels in the study's own order."""
     return replace(
         study,
@@ -150,7 +152,9 @@ def holding_out(study: Study, parts: Collection[str]) -> Study:
     )
 
 
-def by_hand(study: Study, live: LiveModel, without: Hypothesis, h: Hypothesis, seconds: float) -> Diagnosis:
+def by_hand(
+    study: StudyContents, live: LiveModel, without: Hypothesis, h: Hypothesis, seconds: float
+) -> Diagnosis:
     """Return a hypothesis as the diagnosis that reports take."""
     problem = live.problem_of(h)
     before, found = (problem.assessed(x.result()) for x in (without, h))

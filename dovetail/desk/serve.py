@@ -15,17 +15,17 @@ PATIENCE = 60.0
 """A tab that says nothing for so long is forgotten [s]."""
 
 
-class MissingExtraError(ValueError):
+class MissingDeskError(ValueError):
     """The packages of the desk are not installed."""
 
 
 def require_nicegui() -> None:
-    """Raise a :class:`MissingExtraError` with the remedy if the desk's packages are not there."""
+    """Raise a :class:`MissingDeskError` with the remedy if the desk's packages are not there."""
     try:
         import nicegui  # noqa: F401
     except ImportError as reason:
         msg = f"the desk needs NiceGUI, which is not installed ({reason}): pip install nicegui"
-        raise MissingExtraError(msg) from reason
+        raise MissingDeskError(msg) from reason
 
 
 def free_port(port: int = 0) -> int:

@@ -19,7 +19,7 @@ from dovetail.desk.saving import (
     write_desk_report,
 )
 from dovetail.desk.scale import Scale, scales_of
-from dovetail.desk.state import History, Stair, State
+from dovetail.desk.state import DeskState, History, Stair
 from dovetail.file.contents import measured
 from dovetail.pipeline import Progress, diagnose_study
 from dovetail.plan import plan_study
@@ -107,7 +107,7 @@ class Desk:
         say("reducing the model", 0.5)
         live = live_model(holding_out(study, ()))
         start = replace(Hypothesis.nominal(live.problem), held_out=held_out_of(study))
-        first = State("open the study", start, (Stair.of(NOMINAL, live.evaluate(start)),))
+        first = DeskState("open the study", start, (Stair.of(NOMINAL, live.evaluate(start)),))
         desk = cls(study, live, History((first,)), journal_of(study.path))
         desk._go_on()
         return desk
@@ -140,7 +140,7 @@ class Desk:
             raise JournalError(msg) from reason
 
     @property
-    def now(self) -> State:
+    def now(self) -> DeskState:
         """The present state."""
         return self.history.now
 
@@ -224,7 +224,7 @@ class Desk:
 
     # Actions ------------------------------------------------------------------------------------------------
 
-    def commit(self, state: State) -> None:
+    def commit(self, state: DeskState) -> None:
         """Make a state the present one, and keep it in the journal."""
         self._changed(self.history.then(state))
 

@@ -24,7 +24,7 @@ class Stair:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class DeskState:
     """A state that the desk shows and can undo.
 
     Attributes
@@ -46,26 +46,26 @@ class State:
     other: Hypothesis | None = None
     other_stairs: tuple[Stair, ...] = ()
 
-    def moved(self, label: str, hypothesis: Hypothesis) -> "State":
+    def moved(self, label: str, hypothesis: Hypothesis) -> "DeskState":
         """Return the state with another hypothesis in place of the present one."""
         return replace(self, label=label, hypothesis=hypothesis)
 
-    def with_stair(self, stair: Stair) -> "State":
+    def with_stair(self, stair: Stair) -> "DeskState":
         """Return the state with one more step of the staircase."""
         return replace(self, stairs=(*self.stairs, stair))
 
-    def kept(self) -> "State":
+    def kept(self) -> "DeskState":
         """Return the state with the present hypothesis as the second one, too."""
         label = "keep this hypothesis for comparison"
         return replace(self, label=label, other=self.hypothesis, other_stairs=self.stairs)
 
-    def swapped(self) -> "State":
+    def swapped(self) -> "DeskState":
         """Return the state with the two hypotheses exchanged; itself if there is only one."""
         if self.other is None:
             return self
-        return State("exchange hypotheses", self.other, self.other_stairs, self.hypothesis, self.stairs)
+        return DeskState("exchange hypotheses", self.other, self.other_stairs, self.hypothesis, self.stairs)
 
-    def alone(self) -> "State":
+    def alone(self) -> "DeskState":
         """Return the state without the second hypothesis."""
         return replace(self, label="drop the second hypothesis", other=None, other_stairs=())
 
@@ -81,15 +81,15 @@ class History:
     at : int
     """
 
-    states: tuple[State, ...]
+    states: tuple[DeskState, ...]
     at: int = 0
 
     @property
-    def now(self) -> State:
+    def now(self) -> DeskState:
         """The present state."""
         return self.states[self.at]
 
-    def then(self, state: State) -> "History":
+    def then(self, state: DeskState) -> "History":
         """Return the history with a new present state; undone states are dropped."""
         states = (*self.states[: self.at + 1], state)[-MOST_STATES:]
         return History(states, len(states) - 1)

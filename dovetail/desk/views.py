@@ -64,7 +64,7 @@ def _no_changes(shown: Evaluation, chosen: Chosen) -> Changes:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class DeskView:
     """One view of the FRFs.
 
     Attributes
@@ -189,33 +189,33 @@ def _step(s: Sensitivity | FrequencySensitivity) -> str:
 
 
 VIEWS = {
-    "Amplitude and phase": View(
+    "Amplitude and phase": DeskView(
         "Amplitude and phase of one FRF, measured and computed",
         _amplitude,
         lambda shown, chosen: figures.curve_changes(shown, chosen.pair),
         over_frequency=True,
         needs_phase=False,
     ),
-    "Nyquist": View(
+    "Nyquist": DeskView(
         "Imaginary over real part of one FRF, measured and computed",
         _nyquist,
         _nyquist_changes,
         of_band=True,
     ),
-    "CMIF": View(
+    "CMIF": DeskView(
         "Complex mode indication function of all FRFs, measured and computed",
         _cmif,
         _cmif_changes,
         one_frf=False,
         over_frequency=True,
     ),
-    "FRAC": View(
+    "FRAC": DeskView(
         "FRAC of every sensor for the chosen excitation; click a row for its FRF",
         _frac,
         _frac_changes,
         one_frf=False,
     ),
-    "Sensitivity": View(
+    "Sensitivity": DeskView(
         "Change of the chosen FRF by each parameter, per standard deviation of its prior",
         _sensitivity,
         needs_phase=False,

@@ -14,7 +14,7 @@ from dovetail.units.folder import FolderError, Journal, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
 from dovetail.units.program import digest_of
-from dovetail.units.work import Step, work_through
+from dovetail.units.work import WorkStep, work_through
 from fem.system import assemble
 from updating.inference.bootstrap import BootstrapModel, refit
 from updating.inference.updated import Updated
@@ -106,7 +106,7 @@ def run_bootstrap(
     seed: int,
     folder: Path,
     pool: Pool,
-    say: Callable[[Step], None] = lambda step: None,
+    say: Callable[[WorkStep], None] = lambda step: None,
 ) -> Bootstrap:
     """Fit the resamples that a folder does not hold yet; return all.
 

@@ -16,7 +16,7 @@ from dovetail.units.folder import FolderError, Journal, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
 from dovetail.units.program import digest_of
-from dovetail.units.work import Step, work_through
+from dovetail.units.work import WorkStep, work_through
 from fem.io.atomic import replacing
 
 Floats = NDArray[np.float64]
@@ -66,7 +66,7 @@ def run_ensemble(
     n_checks: int,
     folder: Path,
     pool: Pool,
-    say: Callable[[Step], None] = lambda step: None,
+    say: Callable[[WorkStep], None] = lambda step: None,
 ) -> Ensemble:
     """Compute the samples and checks that a folder does not hold yet; return the bands of all.
 

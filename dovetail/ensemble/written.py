@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dovetail.ensemble.quantiles import PROBABILITIES, Quantiles
 from dovetail.ensemble.run import Ensemble
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.report.table import Column, Table, columns_of, write_csv
 from fem.analysis.frf import FRF
 from fem.io.atomic import replacing
@@ -24,7 +24,7 @@ MOST_DRAWN = 4
 Floats = NDArray[np.float64]
 
 
-def write_files(ensemble: Ensemble, study: Study, folder: Path) -> None:
+def write_files(ensemble: Ensemble, study: StudyContents, folder: Path) -> None:
     """Write bands as .npz and .csv and draw them."""
     model, names = ensemble.model, _names(study)
     f, levels = ensemble.frequency, ensemble.levels
@@ -69,7 +69,7 @@ def frequencies(ensemble: Ensemble) -> Table:
     )
 
 
-def draw(ensemble: Ensemble, study: Study, path: Path) -> None:
+def draw(ensemble: Ensemble, study: StudyContents, path: Path) -> None:
     """Draw the bands of the first FRFs and of the natural frequencies."""
     from viz.bands import plot_bands
     from viz.style import save
@@ -88,7 +88,7 @@ def draw(ensemble: Ensemble, study: Study, path: Path) -> None:
     save(plot_bands(model.frequency, bands[:MOST_DRAWN], ensemble.frequency.value, unit, title), path)
 
 
-def measured_levels(ensemble: Ensemble, study: Study) -> Floats | None:
+def measured_levels(ensemble: Ensemble, study: StudyContents) -> Floats | None:
     """Return ln |H| of the measurement at the ensemble's lines and channels; None where it has others."""
     if not study.measurements:
         return None
@@ -103,7 +103,7 @@ def measured_levels(ensemble: Ensemble, study: Study) -> Floats | None:
     return np.log(np.maximum(np.abs(frf.H[inner]), 1e-300))
 
 
-def as_dict(ensemble: Ensemble, study: Study) -> dict[str, Any]:
+def as_dict(ensemble: Ensemble, study: StudyContents) -> dict[str, Any]:
     """Return the ensemble as JSON has it: tables and errors, without the FRFs."""
     f, levels, checks = ensemble.frequency, ensemble.levels, ensemble.checks
     width, error = _of_frfs(ensemble)
@@ -143,7 +143,7 @@ def as_dict(ensemble: Ensemble, study: Study) -> dict[str, Any]:
     }
 
 
-def lines_of(ensemble: Ensemble, study: Study) -> list[str | Table]:
+def lines_of(ensemble: Ensemble, study: StudyContents) -> list[str | Table]:
     """Return the tables and sentences that the command prints."""
     model = ensemble.model
     n, refs = model.reduced.model.n_dof, model.uncertainty.unknowns
@@ -155,7 +155,7 @@ def lines_of(ensemble: Ensemble, study: Study) -> list[str | Table]:
     ]
 
 
-def _sentences(ensemble: Ensemble, study: Study) -> list[str]:
+def _sentences(ensemble: Ensemble, study: StudyContents) -> list[str]:
     out, checks = [], ensemble.checks
     with_frfs = bool(ensemble.levels.value.size)
     if with_frfs:
@@ -186,7 +186,7 @@ def _sentences(ensemble: Ensemble, study: Study) -> list[str]:
     return out
 
 
-def within(ensemble: Ensemble, study: Study) -> float | None:
+def within(ensemble: Ensemble, study: StudyContents) -> float | None:
     """Return the share of the measured amplitudes that lie within their bands; None without any."""
     measured = measured_levels(ensemble, study)
     if measured is None or not ensemble.counted.any():
@@ -206,7 +206,7 @@ def _of_frfs(ensemble: Ensemble) -> tuple[float | None, float | None]:
     return width, error if np.isfinite(error) else None
 
 
-def _names(study: Study) -> list[str]:
+def _names(study: StudyContents) -> list[str]:
     return [f"{o.name}/{i.name}" for o in study.sensors for i in study.excitations]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.file.sensors import Channel
-from dovetail.file.table import Table, as_vector
+from dovetail.file.table import StudyTable, as_vector
 from fem.analysis.frf import FRFKind
 from fem.io.time_data import TimeData, motion_unit, read_time_data
 from updating.measurement.measurement import Sensor
@@ -40,7 +40,7 @@ class AmbientTest:
         Sensors of the study.
     """
 
-    table: Table
+    table: StudyTable
     paths: tuple[Path, ...]
     sample_rate: float | None
     band: tuple[float, float] | None
@@ -63,7 +63,7 @@ class AmbientChannels:
     notes: tuple[str, ...]
 
 
-def read_ambient(top: Table, folder: Path, channels: Sequence[Channel]) -> AmbientTest | None:
+def read_ambient(top: StudyTable, folder: Path, channels: Sequence[Channel]) -> AmbientTest | None:
     """Read ``[ambient]``; the file is read when modes are identified in it."""
     t = top.table("ambient")
     if not t.values:

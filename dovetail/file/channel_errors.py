@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import StudyTable, suggest
 from updating.measurement.channel_errors import N_ERRORS, USUAL, ChannelErrors
 from updating.measurement.measurement import Measurement, Sensor
 
@@ -12,7 +12,7 @@ TABLE = "channel_errors"
 
 
 def read_channel_errors(
-    top: Table, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
+    top: StudyTable, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
 ) -> ChannelErrors:
     """Read ``[channel_errors]``: standard deviations, and the errors that an earlier fit has found."""
     t = top.table(TABLE)
@@ -30,7 +30,7 @@ def read_channel_errors(
     return ChannelErrors(position, float(np.radians(direction)), gain, sensor, driver, stinger, *known)
 
 
-def _known(t: Table, names: Sequence[str]) -> dict[str, tuple[float, ...]]:
+def _known(t: StudyTable, names: Sequence[str]) -> dict[str, tuple[float, ...]]:
     out = {}
     for name in t.values:
         if name not in names:

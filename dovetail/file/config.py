@@ -1,4 +1,4 @@
-"""Read a study file, and the files that it names, as a :class:`dovetail.file.contents.Study`."""
+"""Read a study file, and the files that it names, as a :class:`dovetail.file.contents.StudyContents`."""
 
 import os
 import re
@@ -22,7 +22,7 @@ from dovetail.file.connections import (
     read_sprung_masses,
     read_viscoelastic,
 )
-from dovetail.file.contents import SourceDeck, Study
+from dovetail.file.contents import SourceDeck, StudyContents
 from dovetail.file.conventions import check_phase
 from dovetail.file.effects import candidates_of, known_candidates, read_changes, read_effects, read_values
 from dovetail.file.faults import as_mounted, read_faults
@@ -41,8 +41,8 @@ from dovetail.file.measured_match import HeldOut, labels_of, match, read_held_ou
 from dovetail.file.measured_modes import (
     MeasuredModes,
     ModalTest,
+    ModesState,
     RawModes,
-    State,
     UpdatePlan,
     match_modes,
     read_plan,
@@ -74,7 +74,7 @@ from dovetail.file.settings import (
     read_relevant,
 )
 from dovetail.file.suspicions import LazyComparison, suspicions
-from dovetail.file.table import MissingKeyError, Source, StudyError, Table, with_unknown_keys
+from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable, with_unknown_keys
 from dovetail.file.uncertain import mode_std, read_uncertain, shear_std
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
@@ -82,7 +82,7 @@ from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
 from updating.inference.parameters import Nuisance
@@ -140,7 +140,7 @@ TABLES = (
 """Tables of a study file."""
 
 
-def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> Study:
+def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> StudyContents:
     """Read a study file and the files that it names.
 
     Parameters
@@ -170,7 +170,7 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> 
     return read_study(text, path, needs)
 
 
-def read_study(text: str, path: Path, needs: Collection[str] = NEEDS) -> Study:
+def read_study(text: str, path: Path, needs: Collection[str] = NEEDS) -> StudyContents:
     """Read the text of a study.
 
     Parameters
@@ -187,10 +187,10 @@ def read_study(text: str, path: Path, needs: Collection[str] = NEEDS) -> Study:
         If something in it cannot be meant; the message names file, line and key.
     """
     values, source = _parsed(text, path.name)
-    return _read(path, text, Table(source, (), values), needs)
+    return _read(path, text, StudyTable(source, (), values), needs)
 
 
-def read_study_of(text: str, path: Path, unit: Path) -> Study:
+def read_study_of(text: str, path: Path, unit: Path) -> StudyContents:
     """Read the text of a study with the FRFs of another unit of the structure in place of its own.
 
     The first of ``[[measurements]]`` states how they are read; its repeats and coherence are of its own unit.
@@ -214,10 +214,10 @@ def read_study_of(text: str, path: Path, unit: Path) -> Study:
     for key in ("repeats", "compared", *(("coherence", "averages") if "coherence" in first else ())):
         first.pop(key, None)
     values["measurements"] = [{**first, "name": unit.name, "file": os.fspath(unit.absolute())}]
-    return _read(path, text, Table(source, (), values), NEEDS)
+    return _read(path, text, StudyTable(source, (), values), NEEDS)
 
 
-def _read(path: Path, text: str, top: Table, needs: Collection[str]) -> Study:
+def _read(path: Path, text: str, top: StudyTable, needs: Collection[str]) -> StudyContents:
     reader = _Reader(path, text, top, needs)
     try:
         return reader.read()
@@ -307,7 +307,7 @@ def _highest(
 class _Reader:
     path: Path
     text: str
-    top: Table
+    top: StudyTable
     needs: Collection[str]
     warnings: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
@@ -321,7 +321,7 @@ class _Reader:
             return missing
 
         def read(values: dict[str, Any]) -> object:
-            top = Table(self.top.source, (), values)
+            top = StudyTable(self.top.source, (), values)
             return _Reader(self.path, self.text, top, needs, explaining=True).read()
 
         return with_unknown_keys(missing, self.top.values, read)
@@ -349,7 +349,7 @@ class _Reader:
             if not self.left_out:
                 raise
 
-    def read(self) -> Study:
+    def read(self) -> StudyContents:
         """Return the study; errors come in the order of the steps here."""
         top, notes = self.top, []
         name, description = self._head()
@@ -413,7 +413,7 @@ class _Reader:
             unused = "the FRFs of [[measurements]] are" if baseline is not None else "[modes] are"
             self.warnings.append(f"{unused} not used: [baseline] says by what the two states are compared")
         parts.note_free(notes)
-        return Study(
+        return StudyContents(
             name=name,
             description=description,
             path=self.path,
@@ -469,9 +469,9 @@ class _Reader:
         no_frfs = not raw and "measurements" not in self.top.table("baseline")
         return ModalTest(sensors, excitations, no_frfs)
 
-    def _states(self, test: ModalTest) -> tuple[State, ...]:
+    def _states(self, test: ModalTest) -> tuple[ModesState, ...]:
         """Read ``[[states]]``: the modes of states after the baseline."""
-        states: tuple[State, ...] = ()
+        states: tuple[ModesState, ...] = ()
         with self._attempt("measurements"):
             states = read_states(self.top, self.path.parent, self.measured_notes, test)
         return states
@@ -557,7 +557,7 @@ class _Reader:
         units = table.get("units", "SI")
         try:
             units = units if isinstance(units, str) else tuple(map(float, units))
-            Units.of(units)
+            DeckUnits.of(units)
         except (TypeError, ValueError) as reason:
             table.refuse("units", f"{reason}")
         table.finish()
@@ -584,7 +584,7 @@ class _Reader:
         unbalances = read_unbalances(top, geometry)
         return _Parts(properties, sizes, supports, joints, connections, masses, loads, unbalances, foreign)
 
-    def _held_out(self, fit: Table, sensors: list[Channel], excitations: list[Channel]) -> HeldOut:
+    def _held_out(self, fit: StudyTable, sensors: list[Channel], excitations: list[Channel]) -> HeldOut:
         """Read the excitations, sensors and bands that are not fitted, the last key of ``[fit]``."""
         held_out: HeldOut = (), (), ()
         if fit.get("held_out", ()) != []:  # as the desk saves a hypothesis that holds out nothing

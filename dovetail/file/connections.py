@@ -14,7 +14,7 @@ from dovetail.file.condensed import WORTH_KEEPING, fingerprint, store, stored
 from dovetail.file.geometry import Geometry
 from dovetail.file.parts import read_axes
 from dovetail.file.paths import CONDENSED
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import StudyTable, suggest
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.sprung_mass import SprungMass
@@ -31,7 +31,7 @@ UNITS = {"ratio": "-", "tau": "s", "alpha": "-"}
 """Units of the laws' parameters."""
 
 
-def read_joints(top: Table, geometry: Geometry) -> tuple[Joint, ...]:
+def read_joints(top: StudyTable, geometry: Geometry) -> tuple[Joint, ...]:
     """Read ``[[joints]]``."""
     out: list[Joint] = []
     for t in top.tables("joints"):
@@ -48,7 +48,7 @@ def read_joints(top: Table, geometry: Geometry) -> tuple[Joint, ...]:
     return tuple(out)
 
 
-def _place(t: Table, geometry: Geometry, what: str) -> dict[str, Any]:
+def _place(t: StudyTable, geometry: Geometry, what: str) -> dict[str, Any]:
     """Read both sides, location and axes of an element between two points."""
     point1 = _side(t, geometry, "1")
     point2 = _side(t, geometry, "2") if "point2" in t or "member2" in t else None
@@ -64,7 +64,7 @@ def _place(t: Table, geometry: Geometry, what: str) -> dict[str, Any]:
     return {"point1": point1, "point2": point2, "location": location, "axes": read_axes(t)}
 
 
-def _side(t: Table, geometry: Geometry, side: str) -> int | None:
+def _side(t: StudyTable, geometry: Geometry, side: str) -> int | None:
     if f"point{side}" in t and f"member{side}" in t:
         t.refuse(f"point{side}", f"give either point{side}, or member{side} and position{side}")
     if f"point{side}" in t:
@@ -73,7 +73,9 @@ def _side(t: Table, geometry: Geometry, side: str) -> int | None:
     return geometry.point_on(member, geometry.position(t, f"position{side}", member))
 
 
-def _joint_matrices(t: Table, keys: tuple[str, ...] = ("K", "C", "D", "M")) -> dict[str, NDArray[np.float64]]:
+def _joint_matrices(
+    t: StudyTable, keys: tuple[str, ...] = ("K", "C", "D", "M")
+) -> dict[str, NDArray[np.float64]]:
     out = {key: t.matrix(key) for key in keys if key in t}
     for key in ("k", "c"):
         if key.upper() not in keys or key not in t:
@@ -95,7 +97,7 @@ def _joint_matrices(t: Table, keys: tuple[str, ...] = ("K", "C", "D", "M")) -> d
     return out
 
 
-def read_sprung_masses(top: Table, geometry: Geometry) -> tuple[SprungMass, ...]:
+def read_sprung_masses(top: StudyTable, geometry: Geometry) -> tuple[SprungMass, ...]:
     """Read ``[[sprung_masses]]``: by stiffness and damping, or by frequency and damping ratio."""
     out: list[SprungMass] = []
     for t in top.tables("sprung_masses"):
@@ -131,7 +133,7 @@ def read_sprung_masses(top: Table, geometry: Geometry) -> tuple[SprungMass, ...]
     return tuple(out)
 
 
-def read_viscoelastic(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
+def read_viscoelastic(top: StudyTable, geometry: Geometry) -> tuple[Effect, ...]:
     """Read ``[[viscoelastic]]``: elements with a law, or with a table of complex stiffnesses."""
     out: list[Effect] = []
     for t in top.tables("viscoelastic"):
@@ -154,7 +156,7 @@ def read_viscoelastic(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
     return tuple(out)
 
 
-def _stiffness_table(t: Table) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _stiffness_table(t: StudyTable) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     """Read ``table``: frequencies, and storage and loss of some of kx … krz."""
     table = t.table("table")
     frequency = table.vector("frequency", size=None, unit="Hz")
@@ -175,7 +177,7 @@ def _stiffness_table(t: Table) -> tuple[NDArray[np.float64], NDArray[np.complex1
     return frequency, K
 
 
-def read_rigid_links(top: Table, geometry: Geometry) -> tuple[RigidLink, ...]:
+def read_rigid_links(top: StudyTable, geometry: Geometry) -> tuple[RigidLink, ...]:
     """Read ``[[rigid_links]]``."""
     out: list[RigidLink] = []
     for t in top.tables("rigid_links"):
@@ -189,15 +191,15 @@ def read_rigid_links(top: Table, geometry: Geometry) -> tuple[RigidLink, ...]:
     return tuple(out)
 
 
-def _points(t: Table, geometry: Geometry, key: str) -> tuple[int, ...]:
+def _points(t: StudyTable, geometry: Geometry, key: str) -> tuple[int, ...]:
     values = t.get(key)
     if not isinstance(values, list):
         t.refuse(key, "a list of places is needed")
-    inner = Table(t.source, (*t.path, key), {str(i): v for i, v in enumerate(values)})
+    inner = StudyTable(t.source, (*t.path, key), {str(i): v for i, v in enumerate(values)})
     return tuple(geometry.free_point(inner, k) for k in inner.values)
 
 
-def read_constraints(top: Table, geometry: Geometry) -> tuple[MultiPointConstraint, ...]:
+def read_constraints(top: StudyTable, geometry: Geometry) -> tuple[MultiPointConstraint, ...]:
     """Read ``[[constraints]]``: linear equations between displacements and rotations of points."""
     out: list[MultiPointConstraint] = []
     for t in top.tables("constraints"):
@@ -239,7 +241,7 @@ class ForeignPart:
         The outer surface, for pictures.
     """
 
-    table: Table
+    table: StudyTable
     name: str
     matrices: Matrices
     attachments: tuple[Attachment, ...]
@@ -292,7 +294,7 @@ class ForeignPart:
         return out
 
 
-def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[ForeignPart, ...]:
+def read_foreign_parts(top: StudyTable, geometry: Geometry, folder: Path) -> tuple[ForeignPart, ...]:
     """Read ``[[superelements]]``: parts from other programs, with a point of the mesh for each attachment."""
     out: list[ForeignPart] = []
     for t in top.tables("superelements"):
@@ -331,7 +333,7 @@ def read_foreign_parts(top: Table, geometry: Geometry, folder: Path) -> tuple[Fo
 
 
 def _attachment(
-    t: Table,
+    t: StudyTable,
     geometry: Geometry,
     part: Matrices,
     known: Mapping[str, tuple[int, ...]],

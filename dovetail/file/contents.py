@@ -10,8 +10,8 @@ from dovetail.file.ambient import AmbientTest
 from dovetail.file.loads import Loads
 from dovetail.file.measured_modes import (
     MeasuredModes,
+    ModesState,
     ShapeLimits,
-    State,
     UpdatePlan,
 )
 from dovetail.file.table import StudyError
@@ -41,7 +41,7 @@ class SourceDeck:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Study:
+class StudyContents:
     """A structure, its measurements, and its uncertain parameters.
 
     Attributes
@@ -168,7 +168,7 @@ class Study:
     ambient: AmbientTest | None = None
     baseline_frfs: Measurement | None = None
     changes: tuple[str, ...] = ()
-    states: tuple[State, ...] = ()
+    states: tuple[ModesState, ...] = ()
     unbalances: tuple[Unbalance, ...] = ()
     relevant: Relevant = Relevant()  # noqa: RUF009 - frozen
     channel_errors: ChannelErrors = USUAL
@@ -190,7 +190,7 @@ class Study:
         names = ", ".join(m.name for m in self.amplitudes)
         return f"in {names} {WITHOUT_PHASE}" if names else "no [[measurements]]"
 
-    def refined(self, factor: int) -> "Study":
+    def refined(self, factor: int) -> "StudyContents":
         """Return the study with every element divided by a factor; points keep their indices."""
         return replace(self, model=split(self.model, factor))
 
@@ -202,14 +202,14 @@ class Study:
                 raise StudyError(msg)
 
 
-def has_modes_alone(study: Study) -> bool:
+def has_modes_alone(study: StudyContents) -> bool:
     """Whether a study is diagnosed by modes: it has no FRFs, or its baseline has modes."""
     if study.baseline is not None:
         return study.modes is not None or bool(study.measurements)
     return study.modes is not None and not study.measurements and not study.amplitudes
 
 
-def measured(study: Study, *, phases: bool = True) -> tuple[Measurement, ...]:
+def measured(study: StudyContents, *, phases: bool = True) -> tuple[Measurement, ...]:
     """Return the measurements of a study; those without ``phases`` where they may do, and it has no others.
 
     Raises
@@ -232,7 +232,7 @@ def measured(study: Study, *, phases: bool = True) -> tuple[Measurement, ...]:
     return given
 
 
-def without_held_out(study: Study, measurement: Measurement) -> Measurement:
+def without_held_out(study: StudyContents, measurement: Measurement) -> Measurement:
     """Return a measurement without excitations and sensors that are kept from the fit, its bands marked."""
     frf = measurement.frf
     outputs = [name for name in frf.outputs if name not in study.held_out_sensors]

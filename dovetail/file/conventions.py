@@ -7,7 +7,7 @@ import numpy as np
 from dovetail.file.measured import RawMeasurement
 from dovetail.file.sensors import Channel
 from dovetail.file.suspicions import LazyComparison, RatioToModel, kind_by_model
-from dovetail.file.table import Table
+from dovetail.file.table import StudyTable
 from fem.analysis.frf import FRFKind
 from updating.measurement.measurement import Measurement
 from updating.quality.phase import (
@@ -134,7 +134,7 @@ def _whose(f: Misphased) -> str:
     return f"{what}{many} {names} in".lstrip() if f.names else "of"
 
 
-def _place(r: RawMeasurement, f: Misphased, channels: dict[str, Sequence[Channel]]) -> tuple[Table, str]:
+def _place(r: RawMeasurement, f: Misphased, channels: dict[str, Sequence[Channel]]) -> tuple[StudyTable, str]:
     table = next((c.table for c in channels.get(f.of, ()) if c.sensor.name == f.names[0]), None)
     return (r.table, "file") if table is None else (table, "")
 

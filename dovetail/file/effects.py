@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.table import LEAST, Table, suggest
+from dovetail.file.table import LEAST, StudyTable, suggest
 from dovetail.file.toml import toml_table
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Spread
@@ -16,7 +16,9 @@ from fem.model import Effect, Instruments, Model, ModelError, Parameter
 from updating.measurement.measurement import Sensor, directed_of, sensor_point
 
 
-def read_effects(top: Table, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Model:
+def read_effects(
+    top: StudyTable, model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
+) -> Model:
     """Return a model with ``[[effects]]``: each the name of a candidate for it, and values of its parameters.
 
     A value that is not given stays the candidate's initial one. The effect is called "known" and the
@@ -60,11 +62,11 @@ def _with_all(model: Model, effects: Sequence[Effect]) -> Model:
     return model
 
 
-def _name_of(t: Table) -> str:
+def _name_of(t: StudyTable) -> str:
     return t.text("name", f"known {t.text('candidate')}")
 
 
-def _is_change(top: Table, t: Table) -> bool:
+def _is_change(top: StudyTable, t: StudyTable) -> bool:
     """Whether an effect has come since the baseline."""
     change = t.flag("since_baseline", False)
     if change and "baseline" not in top.values:
@@ -72,19 +74,19 @@ def _is_change(top: Table, t: Table) -> bool:
     return change
 
 
-def read_changes(top: Table) -> tuple[str, ...]:
+def read_changes(top: StudyTable) -> tuple[str, ...]:
     """Return the names of the known effects that have come since the baseline."""
     return tuple(_name_of(t) for t in top.tables("effects") if t.flag("since_baseline", False))
 
 
-def known_candidates(top: Table) -> tuple[Any, ...]:
+def known_candidates(top: StudyTable) -> tuple[Any, ...]:
     """Return what ``[[effects]]`` names as candidates, before the model that they are for is made."""
     listed = top.values.get("effects", [])
     tables = listed if isinstance(listed, list) else []
     return tuple(t.get("candidate") for t in tables if isinstance(t, dict))
 
 
-def read_values(top: Table, model: Model) -> Model:
+def read_values(top: StudyTable, model: Model) -> Model:
     """Return a model with ``[values.EFFECT]``: values of parameters that no other table has a place for."""
     for name, t in top.table("values").named():
         known = {e.name: e for e in model.effects}
@@ -100,7 +102,7 @@ def read_values(top: Table, model: Model) -> Model:
     return model
 
 
-def _within(t: Table, key: str, value: float, p: Parameter) -> float:
+def _within(t: StudyTable, key: str, value: float, p: Parameter) -> float:
     """Return a value; refuse one beyond its parameter's bounds."""
     if not p.lower <= value <= p.upper:
         t.refuse(key, _beyond(value, p))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import StudyTable, suggest
 from dovetail.file.toml import toml_table
 from updating.measurement.measurement import Sensor
 from updating.quality.corrections import CHANNELS, FAULTS, Fault
@@ -17,7 +17,9 @@ UNITS = {f"{of}_{fault}": _UNIT_OF.get(fault, "-") for of in CHANNELS for fault 
 """Kinds of faults, and the units of their values."""
 
 
-def read_faults(top: Table, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> tuple[Fault, ...]:
+def read_faults(
+    top: StudyTable, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
+) -> tuple[Fault, ...]:
     """Read ``[[faults]]``, in the order in which they are set right."""
     out = []
     for t in top.tables("faults"):
@@ -46,14 +48,14 @@ def read_faults(top: Table, sensors: Sequence[Sensor], excitations: Sequence[Sen
     return tuple(out)
 
 
-def _name(t: Table, key: str, of: str, known: Sequence[Sensor]) -> str:
+def _name(t: StudyTable, key: str, of: str, known: Sequence[Sensor]) -> str:
     name, names = t.text(key), [s.name for s in known]
     if name not in names:
         t.refuse(key, f"there is no {of} '{name}'; {suggest(name, names)}")
     return name
 
 
-def _square(t: Table, sensor: Sensor) -> tuple[float, ...]:
+def _square(t: StudyTable, sensor: Sensor) -> tuple[float, ...]:
     """Read the direction towards which a channel is tilted, square to its own."""
     towards = t.direction("towards")
     if abs(float(towards @ sensor.direction)) > 1e-6:

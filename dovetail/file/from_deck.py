@@ -21,7 +21,7 @@ from fem.effects.support import Support
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.io.abaqus import abaqus_text
-from fem.io.deck_units import Units, likely_units
+from fem.io.deck_units import DeckUnits, likely_units
 from fem.io.frame_deck import FrameDeck
 from fem.io.frame_model import model_of, read_deck
 from fem.io.meshfile import check_names, read_mesh
@@ -119,7 +119,7 @@ def read_structure(
         try:
             deck = read_deck(file, units)
             if deck.properties:
-                made = _of_deck(deck, Units.of(units))
+                made = _of_deck(deck, DeckUnits.of(units))
                 table = toml_table("[source]", {"file": named_from(folder, file), "units": _units(units)})
                 return replace(
                     made,
@@ -146,7 +146,7 @@ def _units(units: str | Sequence[float]) -> str | list[float]:
     return units if isinstance(units, str) else [float(x) for x in units]
 
 
-def _of_deck(deck: FrameDeck, units: Units) -> Structure:
+def _of_deck(deck: FrameDeck, units: DeckUnits) -> Structure:
     model = model_of(deck)
     mesh = model.mesh
     check_names([*mesh.members, *mesh.groups], deck.file)
@@ -165,14 +165,14 @@ def _of_deck(deck: FrameDeck, units: Units) -> Structure:
     return Structure(mesh, text, {MESH: abaqus_text(mesh)}, True, notes, hint)
 
 
-def _units_hint(deck: FrameDeck, units: Units) -> str:
+def _units_hint(deck: FrameDeck, units: DeckUnits) -> str:
     """Return the units that a deck's materials look like; empty if they are plausible as read."""
     materials = list({p.material.name: p.material for p in deck.properties}.values())
     likely = likely_units(materials, units)
     if not likely:
         return ""
     E = materials[0].E
-    meant = E * Units.of(likely).stress / units.stress
+    meant = E * DeckUnits.of(likely).stress / units.stress
     return (
         f"{deck.file} looks like a deck in {likely}: give --units {likely}, which makes E of "
         f"{materials[0].name} {si_number(meant)} Pa instead of {si_number(E)} Pa"

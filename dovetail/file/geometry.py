@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.table import Table, as_vector, suggest
+from dovetail.file.table import StudyTable, as_vector, suggest
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.io import read_mesh
@@ -68,7 +68,7 @@ class Geometry:
     mesh: Mesh
     places: dict[str, NDArray[np.float64]] = field(default_factory=dict)
 
-    def coordinates(self, table: Table, key: str = "point") -> NDArray[np.float64]:
+    def coordinates(self, table: StudyTable, key: str = "point") -> NDArray[np.float64]:
         """Return the coordinates of a place given as name, coordinates or ``{member, position}``."""
         value = table.get(key)
         if isinstance(value, str):
@@ -93,7 +93,7 @@ class Geometry:
         return {full: names[full] for full, end in ends.items() if end[0] == name and end[2].isdigit()}
 
     def on_member(
-        self, table: Table, member: str = "member", position: str = "position"
+        self, table: StudyTable, member: str = "member", position: str = "position"
     ) -> NDArray[np.float64]:
         """Return the coordinates of a place on a member; a table of its own is finished."""
         name = self.member(table, member)
@@ -103,7 +103,7 @@ class Geometry:
         with table.at(position):
             return self.mesh.point_at(self.mesh.locate(name, s))
 
-    def member(self, table: Table, key: str = "member") -> str:
+    def member(self, table: StudyTable, key: str = "member") -> str:
         """Return the name of one member."""
         name = table.text(key)
         members = self.mesh.groups.get(name, (name,))
@@ -113,7 +113,7 @@ class Geometry:
             table.refuse(key, f"there is no member '{name}'; {suggest(name, self.mesh.members)}")
         return members[0]
 
-    def members(self, table: Table, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
+    def members(self, table: StudyTable, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
         """Return members from a name, the name of a group, or a list of both, at the key ``member``."""
         if default is not None and "member" not in table:
             return default
@@ -134,7 +134,7 @@ class Geometry:
             table.refuse("member", f"{merge_names(twice)} would be counted twice by one entry")
         return tuple(out)
 
-    def position(self, table: Table, key: str, member: str) -> float:
+    def position(self, table: StudyTable, key: str, member: str) -> float:
         """Return an arc length along a member [m]."""
         length = self.mesh.member_length(member)
         value = table.get(key)
@@ -148,7 +148,7 @@ class Geometry:
             table.refuse(key, f"{s:g} m is beyond the end of member '{member}', which is {length:g} m long")
         return min(s, length)
 
-    def point(self, table: Table, key: str = "point") -> int:
+    def point(self, table: StudyTable, key: str = "point") -> int:
         """Return the index of a point of the mesh at a place, putting one there if needed."""
         value = table.get(key)
         if isinstance(value, str) and value in self.mesh.point_names:
@@ -176,7 +176,7 @@ class Geometry:
             )
         return self.point_on(member, s)
 
-    def free_point(self, table: Table, key: str) -> int:
+    def free_point(self, table: StudyTable, key: str) -> int:
         """Return the same as :meth:`point`, with a point of its own at a place beside all members."""
         value = table.get(key)
         if self.mesh.members and (
@@ -196,7 +196,7 @@ class Geometry:
         return int(self.mesh.member_points(member)[np.argmin(np.abs(s - position))])
 
 
-def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
+def read_geometry(top: StudyTable, folder: Path, notes: list[str]) -> Geometry:
     """Read ``[mesh]``, ``[points]`` and the ends of ``[members]``."""
     mesh, points, members = top.table("mesh"), top.table("points"), top.table("members")
     file = mesh.text("file", "")
@@ -233,13 +233,13 @@ def read_geometry(top: Table, folder: Path, notes: list[str]) -> Geometry:
 
 
 def _inline_mesh(
-    members: Table, places: dict[str, NDArray[np.float64]], connect: bool, notes: list[str]
+    members: StudyTable, places: dict[str, NDArray[np.float64]], connect: bool, notes: list[str]
 ) -> Mesh:
     ends: list[NDArray[np.float64]] = []
     names: dict[str, int] = {}
     pairs: dict[str, tuple[int, int]] = {}
 
-    def end(table: Table, key: str) -> int:
+    def end(table: StudyTable, key: str) -> int:
         value = table.get(key)
         if isinstance(value, str):
             if value not in places:

@@ -12,7 +12,7 @@ from fem.io.columns import cut_number, seconds_of
 from fem.io.frf_labels import frequency_factor
 from fem.io.units import (
     TIME_NAMES,
-    Heading,
+    UnitHeading,
     conversion,
     density_conversion,
     heading_of,
@@ -37,7 +37,7 @@ QUANTITIES = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Columns:
+class HistoryColumns:
     """A table with named columns over an abscissa that increases.
 
     Attributes
@@ -68,7 +68,7 @@ class Columns:
     line: int = 1
     per_radian: bool = False
 
-    def named(self, known: Sequence[str]) -> "Columns":
+    def named(self, known: Sequence[str]) -> "HistoryColumns":
         """Return the columns with names and units apart, those of known names by underscore or blank too.
 
         Raises
@@ -120,7 +120,7 @@ class Columns:
         return _scaled(self.file, f"the column '{self.names[k]}'", factor, self.values[:, k])
 
 
-def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
+def read_columns(path: Path, abscissa: Sequence[str]) -> HistoryColumns:
     """Read a table whose first column is an abscissa.
 
     Columns are separated by commas, semicolons or tabs; numbers may have decimal commas where commas are no
@@ -180,7 +180,7 @@ def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
         raise StudyError(msg)
     factor = 1.0 if stamped else _abscissa_factor(path.name, rows[0][0], quantity, head)
     x = _scaled(path.name, "the first column", factor, numbers[:, 0])
-    return Columns(
+    return HistoryColumns(
         path.name,
         quantity,
         x,
@@ -192,7 +192,7 @@ def read_columns(path: Path, abscissa: Sequence[str]) -> Columns:
     )
 
 
-def _abscissa_factor(file: str, line: int, quantity: str, heading: Heading) -> float:
+def _abscissa_factor(file: str, line: int, quantity: str, heading: UnitHeading) -> float:
     """Return the size of the abscissa's unit [Hz or s]."""
     if not heading.unit:
         return 1.0

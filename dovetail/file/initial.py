@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.geometry import Geometry
-from dovetail.file.table import Table
+from dovetail.file.table import StudyTable
 from fem.analysis.initial import deflected, moving_as_one
 from fem.model import DIRECTIONS, ModelError
 from fem.system import System
@@ -39,7 +39,7 @@ class InitialMotion:
     about: Floats = field(default_factory=lambda: np.zeros(3))
 
 
-def read_initial(top: Table, geometry: Geometry) -> tuple[InitialMotion, ...]:
+def read_initial(top: StudyTable, geometry: Geometry) -> tuple[InitialMotion, ...]:
     """Read the initial motions of a study."""
     out = []
     for t in top.tables("initial"):
@@ -95,7 +95,7 @@ def start_of(system: System, motions: tuple[InitialMotion, ...]) -> tuple[Floats
     return deflected(system, displaced), velocity
 
 
-def _by_direction(t: Table, key: str) -> dict[str, float]:
+def _by_direction(t: StudyTable, key: str) -> dict[str, float]:
     """Return values by direction, such as ``{ x = 0.01 }``."""
     inner = t.table(key)
     units = ("m", "rad") if key == "displacement" else ("m/s", "rad/s")

@@ -8,7 +8,7 @@ import numpy as np
 
 from dovetail.file.geometry import Geometry
 from dovetail.file.initial import InitialMotion, read_initial
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import StudyTable, suggest
 from fem.analysis.combinations import combine_loads
 from fem.analysis.loads import InitialStrain, Key, LineLoad, LoadCase, MemberLoad
 from fem.effects.joint import Joint
@@ -51,7 +51,7 @@ class Loads:
         return (*self.cases, *combined)
 
 
-def read_loads(top: Table, geometry: Geometry, holders: Sequence[Effect]) -> Loads:
+def read_loads(top: StudyTable, geometry: Geometry, holders: Sequence[Effect]) -> Loads:
     """Read the load cases, combinations, envelopes and initial motions of a study.
 
     Parameters
@@ -76,7 +76,7 @@ def read_loads(top: Table, geometry: Geometry, holders: Sequence[Effect]) -> Loa
     )
 
 
-def _with_load(t: Table, case: LoadCase, geometry: Geometry, holders: Sequence[Effect]) -> LoadCase:
+def _with_load(t: StudyTable, case: LoadCase, geometry: Geometry, holders: Sequence[Effect]) -> LoadCase:
     """Return a case with one more entry of ``[[loads]]``."""
     given = [key for key in KINDS if key in t]
     if len(given) != 1:
@@ -99,7 +99,7 @@ def _sum(known: Any, more: Mapping[Any, float]) -> dict[Any, float]:
     return {**known, **{key: known.get(key, 0.0) + value for key, value in more.items()}}
 
 
-def _point(t: Table, geometry: Geometry) -> dict[tuple[int, str], float]:
+def _point(t: StudyTable, geometry: Geometry) -> dict[tuple[int, str], float]:
     """Read a force and a moment at a place."""
     if "force" not in t and "moment" not in t:
         text = "a load at a point needs force [N], moment [N·m] or both, three components each"
@@ -109,7 +109,7 @@ def _point(t: Table, geometry: Geometry) -> dict[tuple[int, str], float]:
     return {(point, d): float(value) for d, value in zip(DIRECTIONS, both, strict=True) if value}
 
 
-def _settlement(t: Table, holders: Sequence[Effect]) -> dict[Key, float]:
+def _settlement(t: StudyTable, holders: Sequence[Effect]) -> dict[Key, float]:
     """Read prescribed motions of a support or of a joint's rigid directions."""
     fixed = {
         e.name: tuple(e.fixed if isinstance(e, Support) else e.rigid)
@@ -134,7 +134,7 @@ def _settlement(t: Table, holders: Sequence[Effect]) -> dict[Key, float]:
     return out
 
 
-def _line_loads(t: Table, geometry: Geometry) -> list[MemberLoad]:
+def _line_loads(t: StudyTable, geometry: Geometry) -> list[MemberLoad]:
     """Read a load along members: constant, or linear between two places."""
     first = t.vector("force_per_length", unit="N/m")
     last = t.vector("force_per_length2", None, unit="N/m")
@@ -152,7 +152,7 @@ def _line_loads(t: Table, geometry: Geometry) -> list[MemberLoad]:
     return out
 
 
-def _strains(t: Table, geometry: Geometry, kind: str) -> list[MemberLoad]:
+def _strains(t: StudyTable, geometry: Geometry, kind: str) -> list[MemberLoad]:
     """Read a change of temperature, or an initial strain."""
     members = geometry.members(t, tuple(geometry.mesh.members) if kind == "temperature" else None)
     if kind == "strain":
@@ -163,7 +163,7 @@ def _strains(t: Table, geometry: Geometry, kind: str) -> list[MemberLoad]:
     return [InitialStrain.thermal(m, expansion, change, *gradients) for m in members]
 
 
-def _combinations(top: Table, cases: tuple[str, ...]) -> dict[str, dict[str, float]]:
+def _combinations(top: StudyTable, cases: tuple[str, ...]) -> dict[str, dict[str, float]]:
     """Read ``[[combinations]]``."""
     out: dict[str, dict[str, float]] = {}
     for t in top.tables("combinations"):
@@ -181,7 +181,7 @@ def _combinations(top: Table, cases: tuple[str, ...]) -> dict[str, dict[str, flo
     return out
 
 
-def _envelopes(top: Table, names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+def _envelopes(top: StudyTable, names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     """Read ``[[envelopes]]``."""
     out: dict[str, tuple[str, ...]] = {}
     for t in top.tables("envelopes"):

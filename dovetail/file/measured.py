@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.sensors import read_convention
-from dovetail.file.table import Table
+from dovetail.file.table import StudyTable
 from fem.analysis.frf import FRF, TRANSMISSIBILITY, WITHOUT_PHASE, FRFError, FRFKind
 from fem.io import UFF_SUFFIXES
 from fem.io.arrays import named_arrays
@@ -71,7 +71,7 @@ class RawMeasurement:
         As of the measurement.
     """
 
-    table: Table
+    table: StudyTable
     frf: FRF
     name: str
     force_level: float | None
@@ -87,7 +87,7 @@ class RawMeasurement:
 
 
 def read_files(
-    top: Table, folder: Path, notes: list[str], file_notes: list[str]
+    top: StudyTable, folder: Path, notes: list[str], file_notes: list[str]
 ) -> tuple[list[RawMeasurement], dict[int, NDArray[np.float64]]]:
     """Read the files of ``[[measurements]]``; return their FRFs and the coordinates of their nodes [m].
 
@@ -165,7 +165,7 @@ def read_files(
     return out, nodes
 
 
-def _axis_factor(t: Table, unit: str, labels: Sequence[str]) -> float:
+def _axis_factor(t: StudyTable, unit: str, labels: Sequence[str]) -> float:
     """Return the factor of frequencies to Hz, after a reader has converted labelled ones.
 
     A label of Hz, which programs write by default, gives way to ``frequency_unit``; any other has to agree.
@@ -186,7 +186,7 @@ def _axis_factor(t: Table, unit: str, labels: Sequence[str]) -> float:
     return 1.0
 
 
-def _existing(t: Table, key: str, folder: Path, file: str) -> Path:
+def _existing(t: StudyTable, key: str, folder: Path, file: str) -> Path:
     path = folder / file
     if not path.is_file():
         t.refuse(key, f"there is no file '{os.fspath(path)}'")
@@ -194,7 +194,7 @@ def _existing(t: Table, key: str, folder: Path, file: str) -> Path:
 
 
 def _repeats(
-    t: Table, folder: Path, kind: str | None, notes: tuple[list[str], list[str]], first: list[FRF]
+    t: StudyTable, folder: Path, kind: str | None, notes: tuple[list[str], list[str]], first: list[FRF]
 ) -> list[list[FRF]]:
     """Read ``repeats``: files with the same FRFs, measured again."""
     out = []
@@ -256,7 +256,9 @@ def _turned(again: Complexes, first: Complexes) -> str:
     return min(_TURNS, key=distance)
 
 
-def _coherence(t: Table, folder: Path, read: Reading, notes: list[str]) -> list[NDArray[np.float64] | None]:
+def _coherence(
+    t: StudyTable, folder: Path, read: Reading, notes: list[str]
+) -> list[NDArray[np.float64] | None]:
     """Return the coherence of each matrix of FRFs: of the file ``coherence``, or of the FRFs' own file."""
     file, frfs = t.text("coherence", None), read.frfs
     if file is None:
@@ -337,7 +339,7 @@ def pieces_of(path: Path) -> int:
     return int(pieces)
 
 
-def read_band(t: Table) -> tuple[float, float] | None:
+def read_band(t: StudyTable) -> tuple[float, float] | None:
     """Read ``band = [lowest, highest]`` [Hz]."""
     band = t.vector("band", None, 2, "Hz")
     if band is None:
@@ -348,7 +350,11 @@ def read_band(t: Table) -> tuple[float, float] | None:
 
 
 def _read(
-    t: Table, folder: Path, files: Sequence[str], kind: str | None, note_lists: tuple[list[str], list[str]]
+    t: StudyTable,
+    folder: Path,
+    files: Sequence[str],
+    kind: str | None,
+    note_lists: tuple[list[str], list[str]],
 ) -> Reading:
     """Read the FRFs of one file, or of several as one matrix.
 
@@ -389,7 +395,7 @@ def _read(
     return replace(reading, frfs=tuple(frfs), axes=reading.axes or ((),) * len(frfs))
 
 
-def _asked(t: Table, kind: str | None) -> tuple[Asked, list[str]]:
+def _asked(t: StudyTable, kind: str | None) -> tuple[Asked, list[str]]:
     """Return the study's statements about a file, and those of its keys that only some readers use."""
     pairs: tuple[str, ...] | dict[str, str] | None = None
     if isinstance(t.get("pairs", None), dict):
@@ -415,7 +421,7 @@ def _asked(t: Table, kind: str | None) -> tuple[Asked, list[str]]:
     return asked, [key for key in ("form", "delimiter", "header", "pairs", "arrays", "axes") if key in t]
 
 
-def _files(t: Table, folder: Path) -> list[str]:
+def _files(t: StudyTable, folder: Path) -> list[str]:
     """Return ``file``: one name, or a list of names."""
     value = t.get("file")
     names = value if isinstance(value, list) else [value]
@@ -464,7 +470,7 @@ def _refuse_other_form(frf: FRF, name: str) -> None:
         raise FRFError(msg)
 
 
-def _renamed(t: Table, frf: FRF, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> FRF:
+def _renamed(t: StudyTable, frf: FRF, outputs: Sequence[str] | None, inputs: Sequence[str] | None) -> FRF:
     for key, have, want in (("outputs", frf.outputs, outputs), ("inputs", frf.inputs, inputs)):
         if want is not None and len(want) != len(have):
             t.refuse(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dovetail.file.measured import RawMeasurement, array_for, pieces_of
 from dovetail.file.sensors import Channel
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import StudyTable, suggest
 from fem.analysis.frf import FRF
 from updating.measurement.held_out import EXAMPLE, Band, band_of
 from updating.measurement.measurement import STRAIN, BaseMotion, Measurement, at_values_of
@@ -189,7 +189,7 @@ HeldOut = tuple[tuple[str, ...], tuple[str, ...], tuple[Band, ...]]
 """Excitations, sensors and bands [Hz] that are compared and not fitted."""
 
 
-def read_held_out(fit: Table, sensors: Sequence[Channel], excitations: Sequence[Channel]) -> HeldOut:
+def read_held_out(fit: StudyTable, sensors: Sequence[Channel], excitations: Sequence[Channel]) -> HeldOut:
     """Return the excitations, the sensors and the bands that are kept from the fit.
 
     A name that both have is the excitation's; ``sensor NAME`` and ``excitation NAME`` say which is meant.

@@ -11,7 +11,7 @@ import numpy as np
 from dovetail.file.measured import notes_of
 from dovetail.file.mode_table import TABLE_SUFFIXES, read_mode_table
 from dovetail.file.sensors import Channel, Nodes
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import StudyTable, suggest
 from fem.analysis.modes import Modes
 from fem.effects import candidate_kinds
 from fem.io import UFF_SUFFIXES, read_modes, read_npz_mode_std
@@ -75,7 +75,7 @@ class MeasuredModes:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class ModesState:
     """The modes of one of several states of a structure, and its name."""
 
     name: str
@@ -98,7 +98,7 @@ class ShapeLimits:
     largest_mpd: float = LARGEST_MPD
 
 
-def read_shape_limits(top: Table) -> ShapeLimits:
+def read_shape_limits(top: StudyTable) -> ShapeLimits:
     """Read ``[identification]``."""
     t = top.table("identification")
     limits = ShapeLimits(
@@ -158,7 +158,7 @@ class ModalTest:
 class RawModes:
     """Modes as their file has them, with the coordinates of its nodes [m] and its standard deviations [-]."""
 
-    table: Table
+    table: StudyTable
     modes: Modes
     nodes: Nodes
     name: str
@@ -166,7 +166,7 @@ class RawModes:
 
 
 def read_raw_modes(
-    top: Table, folder: Path, file_notes: list[str], key: str = "modes", more_keys: Sequence[str] = ()
+    top: StudyTable, folder: Path, file_notes: list[str], key: str = "modes", more_keys: Sequence[str] = ()
 ) -> RawModes | None:
     """Read ``[modes]``: the modes of a file, or frequencies alone; ``file_notes`` gains the reader's notes.
 
@@ -175,19 +175,23 @@ def read_raw_modes(
     return _raw_modes_of(top.table(key), folder, file_notes, more_keys)
 
 
-def read_states(top: Table, folder: Path, file_notes: list[str], test: ModalTest) -> tuple[State, ...]:
+def read_states(
+    top: StudyTable, folder: Path, file_notes: list[str], test: ModalTest
+) -> tuple[ModesState, ...]:
     """Read ``[[states]]``: the modes of later states, in their order; ``file_notes`` gains notes."""
-    out: list[State] = []
+    out: list[ModesState] = []
     for k, t in enumerate(top.tables("states"), 1):
         name = t.text("name", f"state {k}")
         modes = match_modes(_raw_modes_of(t, folder, file_notes, ()), test, file_notes)
         if modes is None:
             t.refuse("", "it has no modes; give file or frequency")
-        out.append(State(name, modes))
+        out.append(ModesState(name, modes))
     return tuple(out)
 
 
-def _raw_modes_of(t: Table, folder: Path, file_notes: list[str], more_keys: Sequence[str]) -> RawModes | None:
+def _raw_modes_of(
+    t: StudyTable, folder: Path, file_notes: list[str], more_keys: Sequence[str]
+) -> RawModes | None:
     for one in MODE_STD:
         if not isinstance(t.get(one, None), list):
             t.number(one, None, above=0)
@@ -328,7 +332,7 @@ def match_modes(raw: RawModes | None, test: ModalTest, notes: list[str]) -> Meas
     return MeasuredModes(replace(modes, shapes=shapes, labels=names), at, f_std, s_std, raw.name, **more)
 
 
-def _std(t: Table, key: str, n: int, default: np.ndarray) -> np.ndarray:
+def _std(t: StudyTable, key: str, n: int, default: np.ndarray) -> np.ndarray:
     """Return the relative standard deviation of each mode: one for all, a list, or that of the file."""
     value = t.get(key, None)
     if not isinstance(value, list):
@@ -339,7 +343,7 @@ def _std(t: Table, key: str, n: int, default: np.ndarray) -> np.ndarray:
     return each
 
 
-def _numbers(t: Table, key: str, n: int, most: int) -> tuple[int, ...]:
+def _numbers(t: StudyTable, key: str, n: int, most: int) -> tuple[int, ...]:
     """Return numbers of modes, counted from 1."""
     value = t.get(key, [])
     allowed = isinstance(value, list) and all(isinstance(v, int) and not isinstance(v, bool) for v in value)
@@ -348,7 +352,7 @@ def _numbers(t: Table, key: str, n: int, most: int) -> tuple[int, ...]:
     return tuple(value)
 
 
-def _named(t: Table, key: str, channels: Sequence[Channel], *, alone: bool) -> tuple[Sensor, ...]:
+def _named(t: StudyTable, key: str, channels: Sequence[Channel], *, alone: bool) -> tuple[Sensor, ...]:
     """Return the channels that a list names; without a list all, where the modes are ``alone``."""
     every = {c.sensor.name: c.sensor for c in channels}
     if t.get(key, None) is None:
@@ -359,7 +363,7 @@ def _named(t: Table, key: str, channels: Sequence[Channel], *, alone: bool) -> t
     return tuple(every[name] for name in dict.fromkeys(names))
 
 
-def _plane(t: Table) -> str:
+def _plane(t: StudyTable) -> str:
     """Return axes, some of x, y and z."""
     value = t.get("plane", "")
     if not isinstance(value, str) or set(value) - set("xyz") or len(set(value)) < len(value):
@@ -368,7 +372,7 @@ def _plane(t: Table) -> str:
 
 
 def read_plan(
-    top: Table,
+    top: StudyTable,
     model: Model,
     has: Mapping[str, bool],
     default: Sequence[Unknown],
@@ -426,7 +430,7 @@ def read_plan(
 
 
 def _unknowns(
-    t: Table, model: Model, candidates: Callable[[str], tuple[Effect, ...]]
+    t: StudyTable, model: Model, candidates: Callable[[str], tuple[Effect, ...]]
 ) -> tuple[list[Unknown], list[Effect]]:
     """Read one of ``[[update.parameters]]``; return also the candidates that the model has to gain."""
     effects = _effects(t, model, candidates)
@@ -474,7 +478,7 @@ def _unknowns(
     return unknowns, new
 
 
-def _effects(t: Table, model: Model, candidates: Callable[[str], tuple[Effect, ...]]) -> list[Effect]:
+def _effects(t: StudyTable, model: Model, candidates: Callable[[str], tuple[Effect, ...]]) -> list[Effect]:
     """Return the effects that ``effect`` names: of the model, or candidates, called as in ``[[effects]]``."""
     words = t.get("effect")
     words = [words] if isinstance(words, str) else words

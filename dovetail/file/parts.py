@@ -10,7 +10,7 @@ import numpy as np
 
 from dovetail.file.geometry import Geometry
 from dovetail.file.section_table import Sections, section_rows
-from dovetail.file.table import Table, as_vector, suggest
+from dovetail.file.table import StudyTable, as_vector, suggest
 from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass
 from fem.effects.distributed_mass import DistributedMass
@@ -29,7 +29,7 @@ NUMBERED = re.compile(r"(curve|physical) \d+(\.\d+)?")
 """Names of members of a Gmsh file whose groups have none."""
 
 
-def read_axes(t: Table) -> np.ndarray:
+def read_axes(t: StudyTable) -> np.ndarray:
     """Read axes of an element's own: its x, and a vector on the y side of its x-y plane."""
     if "axes" not in t:
         return np.eye(3)
@@ -44,7 +44,7 @@ def read_axes(t: Table) -> np.ndarray:
     return np.array([x, np.cross(z, x), z])
 
 
-def read_materials(top: Table) -> dict[str, Material]:
+def read_materials(top: StudyTable) -> dict[str, Material]:
     """Read ``[materials.NAME]``."""
     out = {}
     for name, t in top.table("materials").named():
@@ -60,10 +60,10 @@ def read_materials(top: Table) -> dict[str, Material]:
     return out
 
 
-def read_sections(top: Table, folder: Path, notes: list[str]) -> Sections:
+def read_sections(top: StudyTable, folder: Path, notes: list[str]) -> Sections:
     """Read ``[sections.NAME]``, and the rows of the table that ``file`` names."""
     t = top.table("sections")
-    rows: dict[str, Table] = {}
+    rows: dict[str, StudyTable] = {}
     if isinstance(t.values.get("file"), str):
         path = folder / t.text("file")
         if not path.is_file():
@@ -74,7 +74,7 @@ def read_sections(top: Table, folder: Path, notes: list[str]) -> Sections:
     return Sections(written, rows, read_section)
 
 
-def read_section(t: Table, label: str = "") -> Section:
+def read_section(t: StudyTable, label: str = "") -> Section:
     """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz, which go before it."""
     shape = t.text("shape", "", (*SHAPES, "polygon"))
     constants = ("A", "Iy", "Iz", "J")
@@ -123,7 +123,7 @@ def read_section(t: Table, label: str = "") -> Section:
     return section
 
 
-def _polygon(t: Table, label: str) -> Section:
+def _polygon(t: StudyTable, label: str) -> Section:
     """Read an outline with holes: J, ky and kz as given, or by finite elements where J is not."""
     outlines = [t.get("outer"), *t.get("holes", [])]
     for key in ("A", "Iy", "Iz"):
@@ -144,7 +144,7 @@ def _polygon(t: Table, label: str) -> Section:
         return Section.arbitrary(outer, holes, nu=t.number("nu", 0.0), label=label or "arbitrary section")
 
 
-def _constant(t: Table, key: str) -> float:
+def _constant(t: StudyTable, key: str) -> float:
     return t.number(key, above=0, unit="m²" if key == "A" else "m⁴")
 
 
@@ -178,13 +178,17 @@ def note_one_sided(members: Mapping[str, MemberProperties]) -> list[str]:
     ]
 
 
-def _with_key(tables: Sequence[Table], key: str) -> Table | None:
+def _with_key(tables: Sequence[StudyTable], key: str) -> StudyTable | None:
     """Return the first table that has a key."""
     return next((t for t in tables if key in t), None)
 
 
 def read_members(
-    top: Table, mesh: Mesh, inline: bool, materials: Mapping[str, Material], sections: Mapping[str, Section]
+    top: StudyTable,
+    mesh: Mesh,
+    inline: bool,
+    materials: Mapping[str, Material],
+    sections: Mapping[str, Section],
 ) -> tuple[
     dict[str, MemberProperties], dict[str, tuple[float | None, int | None]], tuple[DistributedMass, ...]
 ]:
@@ -227,8 +231,8 @@ def read_members(
 
 
 def _properties(
-    chain: Sequence[Table],
-    member_table: Table,
+    chain: Sequence[StudyTable],
+    member_table: StudyTable,
     name: str,
     materials: Mapping[str, Material],
     sections: Mapping[str, Section],
@@ -277,7 +281,7 @@ def _properties(
         )
 
 
-def _springs(t: Table, key: str) -> dict[str, float]:
+def _springs(t: StudyTable, key: str) -> dict[str, float]:
     """Read ``{ ry = 2e4 }``: stiffness of an end's connection in local directions."""
     inner = t.table(key)
     units = {d: "N·m/rad" if d.startswith("r") else "N/m" for d in DIRECTIONS}
@@ -286,20 +290,20 @@ def _springs(t: Table, key: str) -> dict[str, float]:
     return springs
 
 
-def _named(t: Table, key: str, known: Mapping[str, Any], what: str = "") -> Any:
+def _named(t: StudyTable, key: str, known: Mapping[str, Any], what: str = "") -> Any:
     name = t.text(key)
     if name not in known:
         t.refuse(key, f"there is no {what or key} '{name}'; {suggest(name, known)}")
     return known[name]
 
 
-def _section(t: Table, key: str, sections: Mapping[str, Section]) -> Section:
+def _section(t: StudyTable, key: str, sections: Mapping[str, Section]) -> Section:
     if isinstance(t.values[key], dict):
         return read_section(t.table(key))
     return _named(t, key, sections, "section")
 
 
-def _element_size(chain: Sequence[Table]) -> tuple[float | None, int | None]:
+def _element_size(chain: Sequence[StudyTable]) -> tuple[float | None, int | None]:
     size, count = _with_key(chain, "element_size"), _with_key(chain, "elements")
     return (
         None if size is None else size.number("element_size", above=0, unit="m"),
@@ -307,7 +311,7 @@ def _element_size(chain: Sequence[Table]) -> tuple[float | None, int | None]:
     )
 
 
-def read_supports(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
+def read_supports(top: StudyTable, geometry: Geometry) -> tuple[Effect, ...]:
     """Read ``[[supports]]``; those with axes of their own are joints to the ground.
 
     One at a set of points of the mesh means one at each of them.
@@ -334,7 +338,7 @@ def read_supports(top: Table, geometry: Geometry) -> tuple[Effect, ...]:
     return tuple(out)
 
 
-def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
+def read_masses(top: StudyTable, geometry: Geometry) -> tuple[AddedMass, ...]:
     """Read ``[[masses]]``."""
     out: list[AddedMass] = []
     for t in top.tables("masses"):
@@ -364,7 +368,9 @@ def read_masses(top: Table, geometry: Geometry) -> tuple[AddedMass, ...]:
     return tuple(out)
 
 
-def read_damping(top: Table, folder: Path, notes: list[str]) -> tuple[Damping, tuple[ConnectionDamping, ...]]:
+def read_damping(
+    top: StudyTable, folder: Path, notes: list[str]
+) -> tuple[Damping, tuple[ConnectionDamping, ...]]:
     """Read ``[damping]``; a file of modes gives their ratios over frequency.
 
     Beside the structure's damping there is that of connections, if they are damped otherwise.
@@ -413,7 +419,7 @@ def read_damping(top: Table, folder: Path, notes: list[str]) -> tuple[Damping, t
     return damping, others
 
 
-def _ratios_of_file(t: Table, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+def _ratios_of_file(t: StudyTable, folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Return frequencies and damping ratios of the modes in a file, for instance identified ones."""
     path = folder / t.text("file")
     if not path.is_file():

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dovetail.file.sensors import Channel
-from dovetail.file.table import Table
+from dovetail.file.table import StudyTable
 from fem.effects.plane import PLANES, Plane, plane_of, refusals
 from fem.model import DIRECTIONS, Model
 
@@ -15,7 +15,7 @@ PLANE = "plane"
 _VECTORS = ("force", "force_per_length", "force_per_length2", "gravity")
 
 
-def read_plane(top: Table, notes: list[str]) -> Plane | None:
+def read_plane(top: StudyTable, notes: list[str]) -> Plane | None:
     """Read the plane of a study's model, None for one in space."""
     plane = top.table("mesh").text("plane", None, tuple(PLANES))
     if plane is None:
@@ -25,7 +25,7 @@ def read_plane(top: Table, notes: list[str]) -> Plane | None:
     return found
 
 
-def refuse_space(top: Table, model: Model) -> None:
+def refuse_space(top: StudyTable, model: Model) -> None:
     """Refuse parts of a model that do not fit into its plane."""
     plane = plane_of(model)
     for where, why in () if plane is None else refusals(model, plane.plane):
@@ -47,7 +47,7 @@ def refuse_channels(plane: Plane | None, channels: Iterable[Channel]) -> None:
             )
 
 
-def refuse_loads(top: Table, plane: Plane | None) -> None:
+def refuse_loads(top: StudyTable, plane: Plane | None) -> None:
     """Refuse loads whose global components are out of the plane."""
     if plane is None:
         return

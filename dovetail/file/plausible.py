@@ -6,7 +6,7 @@ from typing import Any
 
 from dovetail.file.geometry import TooManyElementsError
 from dovetail.file.lines import Path
-from dovetail.file.table import StudyError, Table
+from dovetail.file.table import StudyError, StudyTable
 from fem.mesh import Mesh
 from fem.model import Model
 from fem.plausibility import Suspicion, suspicions
@@ -17,7 +17,7 @@ HEAVIEST_SENSOR = 1.0
 Tree = Mapping[str, Any]
 
 
-def implausible(top: Table, model: Model, max_frequency: float) -> tuple[str, ...]:
+def implausible(top: StudyTable, model: Model, max_frequency: float) -> tuple[str, ...]:
     """Return the implausible values of a study and its model, one sentence each with its place.
 
     Parameters

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dovetail.file.geometry import Geometry
-from dovetail.file.table import Table
+from dovetail.file.table import StudyTable
 from fem.analysis.unbalance import Unbalance
 from fem.effects.spin import Spin, refusals, spinning
 from fem.model import Model, ModelError
@@ -15,7 +15,7 @@ RPM = 2 * np.pi / 60
 """One turn a minute [rad/s]."""
 
 
-def read_rotation(top: Table, model: Model, notes: list[str]) -> Model:
+def read_rotation(top: StudyTable, model: Model, notes: list[str]) -> Model:
     """Return the model with the gyroscopic effect at the study's speed, if it states one."""
     t = top.table("rotation")
     rpm = t.number("rpm", None, unit="1/min")
@@ -36,7 +36,7 @@ def read_rotation(top: Table, model: Model, notes: list[str]) -> Model:
     return model
 
 
-def read_unbalances(top: Table, geometry: Geometry) -> tuple[Unbalance, ...]:
+def read_unbalances(top: StudyTable, geometry: Geometry) -> tuple[Unbalance, ...]:
     """Read ``[[unbalances]]``."""
     out = []
     for t in top.tables("unbalances"):

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.file import aisc
-from dovetail.file.sensor_table import Rows, cells_of
-from dovetail.file.table import StudyError, Table
+from dovetail.file.sensor_table import SensorRows, cells_of
+from dovetail.file.table import StudyError, StudyTable
 from fem.sections.section import OPTIONS, SHAPES, Section
 from updating.measurement.matching import SCALES
 
@@ -27,7 +27,7 @@ POWERS = {
 }
 """Columns of numbers, and the power of a length that each has."""
 
-Reader = Callable[[Table, str], Section]
+Reader = Callable[[StudyTable, str], Section]
 
 _UNIT = re.compile(r"[\[(]\s*([a-z]+)(?:\s*\^)?(?:\s*([234²³⁴]))?\s*[\])]\s*$")
 _SUPERSCRIPTS = {"²": 2, "³": 3, "⁴": 4, "": 1}
@@ -48,7 +48,7 @@ class Sections(Mapping[str, Section]):
     """
 
     given: Mapping[str, Section]
-    rows: Mapping[str, Table]
+    rows: Mapping[str, StudyTable]
     read: Reader
     _known: dict[str, Section] = field(default_factory=dict)
 
@@ -59,7 +59,7 @@ class Sections(Mapping[str, Section]):
             self._known[name] = self.read(self._row(name), name)
         return self._known[name]
 
-    def _row(self, name: str) -> Table:
+    def _row(self, name: str) -> StudyTable:
         """Return the row of a name, however it is spelt: of the study's table, or of the rolled shapes."""
         if name in self.rows:
             return self.rows[name]
@@ -81,7 +81,7 @@ class Sections(Mapping[str, Section]):
         return len(list(iter(self)))
 
 
-def section_rows(path: Path, notes: list[str]) -> dict[str, Table]:
+def section_rows(path: Path, notes: list[str]) -> dict[str, StudyTable]:
     """Return the rows of a table of sections by name.
 
     Raises
@@ -103,8 +103,8 @@ def section_rows(path: Path, notes: list[str]) -> dict[str, Table]:
     if "name" not in keys:
         msg = f"{path.name}: there is no column name; it has {', '.join(head)}"
         raise StudyError(msg)
-    source = Rows(path.name, {}, {key: title for key, title in zip(keys, head, strict=True) if key})
-    out: dict[str, Table] = {}
+    source = SensorRows(path.name, {}, {key: title for key, title in zip(keys, head, strict=True) if key})
+    out: dict[str, StudyTable] = {}
     for row, cells in body:
         values: dict[str, Any] = {}
         for key, scale, cell in zip(keys, scales, cells, strict=True):
@@ -114,12 +114,12 @@ def section_rows(path: Path, notes: list[str]) -> dict[str, Table]:
         if not name or name in out:
             why = f"there is a section '{name}' already" if name else "it is empty"
             raise source.error((row, "name"), f"{why}; each row needs a name of its own")
-        out[name] = Table(source, (row,), values)
+        out[name] = StudyTable(source, (row,), values)
     return out
 
 
 @cache
-def rolled() -> Mapping[str, Table]:
+def rolled() -> Mapping[str, StudyTable]:
     """Return the rolled shapes by their short names."""
     return {short_name(name): table for name, table in section_rows(ROLLED, []).items()}
 
@@ -156,7 +156,7 @@ def _column(file: str, title: str) -> tuple[str, float | None]:
     return key, SCALES[unit[1]] ** power
 
 
-def _number(source: Rows, row: int, key: str, cell: str, scale: float) -> float:
+def _number(source: SensorRows, row: int, key: str, cell: str, scale: float) -> float:
     try:
         value = float(cell)
     except ValueError:

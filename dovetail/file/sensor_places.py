@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.sensor_table import UNIT_OF_HEADING
-from dovetail.file.table import Table
+from dovetail.file.table import StudyTable
 from fem.mesh import Mesh
 from updating.measurement.matching import FITTING, SCALES
 
@@ -28,7 +28,7 @@ _NEAR = 1e-6
 
 
 def refuse_or_suspect_places(
-    tables: Sequence[Table], what: str, mesh: Mesh, nodes: Mapping[int, NDArray[np.float64]]
+    tables: Sequence[StudyTable], what: str, mesh: Mesh, nodes: Mapping[int, NDArray[np.float64]]
 ) -> list[str]:
     """Return suspicions about the coordinates of sensors, one sentence each.
 
@@ -85,11 +85,11 @@ def refuse_or_suspect_places(
     return [str(table.error("", text))]
 
 
-def _columns(t: Table) -> Mapping[str, str]:
+def _columns(t: StudyTable) -> Mapping[str, str]:
     return getattr(t.source, "columns", {})
 
 
-def _coordinates(t: Table, nodes: Mapping[int, NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+def _coordinates(t: StudyTable, nodes: Mapping[int, NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     """Return the places that a table gives by coordinates, or by nodes of the measured files [m]."""
     point, points, node = (t.values.get(key) for key in ("point", "points", "node"))
     given = [point, *(points if isinstance(points, list) else [])]
@@ -107,7 +107,7 @@ def _distances(places: NDArray[np.float64], mesh: Mesh) -> NDArray[np.float64]:
     return np.array([mesh.nearest_point(p)[1] for p in places])
 
 
-def _fitting_factor(places: NDArray[np.float64], mesh: Mesh, table: Table) -> float | None:
+def _fitting_factor(places: NDArray[np.float64], mesh: Mesh, table: StudyTable) -> float | None:
     """Return the factor between units by which all places are on the structure; None without any.
 
     That of a unit in the heading is tried first. Of others, places along one axis fit several: the largest
@@ -125,13 +125,13 @@ def _fitting_factor(places: NDArray[np.float64], mesh: Mesh, table: Table) -> fl
     return None
 
 
-def _unit(t: Table) -> str:
+def _unit(t: StudyTable) -> str:
     """Return the unit in the heading of a table's coordinates."""
     found = UNIT_OF_HEADING.search(_columns(t).get("x", ""))
     return found[1] if found else ""
 
 
-def _remedy(t: Table, factor: float) -> str:
+def _remedy(t: StudyTable, factor: float) -> str:
     """Return in which unit the numbers look to be, and where to write it."""
     given = _unit(t) or "m"
     size = factor * SCALES.get(given, 1.0)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.file.lines import Path as KeyPath
-from dovetail.file.table import Source, StudyError, Table
+from dovetail.file.table import Source, StudyError, StudyTable
 from fem.io.columns import text_of
 from updating.measurement.matching import SCALES
 
@@ -41,7 +41,7 @@ _LETTERS = re.compile(r"[+-]?[xyz]([\s,;]*[+-]?[xyz])*", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
-class Rows(Source):
+class SensorRows(Source):
     """Places in a table: ``file, row 3, column x``."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -54,7 +54,7 @@ class Rows(Source):
         return f"{self.file}{row}{column}"
 
 
-def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
+def sensor_tables(t: StudyTable, folder: Path, notes: list[str]) -> Iterator[StudyTable]:
     """Yield ``[[sensors]]`` or ``[[excitations]]`` as they are, or the rows of the file that one names.
 
     Parameters
@@ -83,12 +83,12 @@ def sensor_tables(t: Table, folder: Path, notes: list[str]) -> Iterator[Table]:
     with t.at("file"):
         head, body = cells_of(path)
         columns, units = _columns(path.name, head[1], notes)
-    row_source = Rows(path.name, {}, {**columns, "directions": columns.get("direction", "direction")})
+    row_source = SensorRows(path.name, {}, {**columns, "directions": columns.get("direction", "direction")})
     for row, cells in body:
         chosen = {key: cells[head[1].index(title)] for key, title in columns.items()}
         values = _values(row_source, row, chosen, units)
         for one in _by_direction(row_source, row, values):
-            yield Table(row_source, (row,), one)
+            yield StudyTable(row_source, (row,), one)
 
 
 def cell_rows(path: Path) -> list[tuple[int, list[str]]]:
@@ -178,7 +178,9 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
     return found, units
 
 
-def _values(source: Rows, row: int, cells: Mapping[str, str], units: Mapping[str, float]) -> dict[str, Any]:
+def _values(
+    source: SensorRows, row: int, cells: Mapping[str, str], units: Mapping[str, float]
+) -> dict[str, Any]:
     """Return the values of a row as a study file would have them; empty cells are left out."""
     out: dict[str, Any] = {}
     for key, cell in cells.items():
@@ -210,7 +212,7 @@ def _values(source: Rows, row: int, cells: Mapping[str, str], units: Mapping[str
     return out
 
 
-def _number(source: Rows, row: int, key: str, cell: str) -> float:
+def _number(source: SensorRows, row: int, key: str, cell: str) -> float:
     try:
         value = float(cell)
     except ValueError:
@@ -220,7 +222,7 @@ def _number(source: Rows, row: int, key: str, cell: str) -> float:
     return value
 
 
-def _by_direction(source: Rows, row: int, values: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _by_direction(source: SensorRows, row: int, values: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield one table for each direction of a sensor: ``xyz`` of A1 gives A1x, A1y and A1z."""
     text = values.get("direction")
     if not isinstance(text, str):

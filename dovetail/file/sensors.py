@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dovetail.file.geometry import TOUCH, Geometry
 from dovetail.file.sensor_places import refuse_or_suspect_places
 from dovetail.file.sensor_table import sensor_tables
-from dovetail.file.table import StudyError, Table, suggest
+from dovetail.file.table import StudyError, StudyTable, suggest
 from fem.analysis.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
 from updating.measurement.measurement import MOTION, STRAIN, BaseMotion, Sensor, place_sensors
@@ -46,7 +46,7 @@ class Convention:
     kind: FRFKind | None = None
 
 
-def read_convention(t: Table, is_sensor: bool = False) -> Convention:
+def read_convention(t: StudyTable, is_sensor: bool = False) -> Convention:
     """Read ``conjugate``, ``phase`` and, of a sensor, ``kind``."""
     kind = t.text("kind", None, [str(k) for k in FRFKind]) if is_sensor else None
     return Convention(
@@ -77,7 +77,7 @@ class Channel:
     """
 
     sensor: Sensor
-    table: Table
+    table: StudyTable
     label: str = ""
     node: int | None = None
     near: tuple[int, ...] = ()
@@ -113,17 +113,19 @@ class Channel:
         return found[0] if found and (self.node is not None or len(found) == 1) else None
 
 
-def _tables(top: Table, key: str, folder: Path, notes: list[str], attempt: Attempt) -> Iterator[Table]:
+def _tables(
+    top: StudyTable, key: str, folder: Path, notes: list[str], attempt: Attempt
+) -> Iterator[StudyTable]:
     """Yield the tables of a kind, and the rows of the files that some of them name."""
     for t in top.tables(key):
-        rows: list[Table] = []
+        rows: list[StudyTable] = []
         with attempt():
             rows = list(sensor_tables(t, folder, notes))
         yield from rows
 
 
 def read_sensors(
-    top: Table,
+    top: StudyTable,
     geometry: Geometry,
     nodes: Nodes,
     notes: list[str],
@@ -153,7 +155,7 @@ def read_sensors(
 
 
 def _sensors_of(
-    t: Table, geometry: Geometry, nodes: Nodes, notes: list[str], bodies: Points, is_sensor: bool = False
+    t: StudyTable, geometry: Geometry, nodes: Nodes, notes: list[str], bodies: Points, is_sensor: bool = False
 ) -> Iterator[Channel]:
     if is_sensor and t.text("quantity", MOTION, (MOTION, STRAIN)) == STRAIN:
         gauge = _placed(t, geometry, read_strain_gauge(t, geometry), notes)
@@ -206,7 +208,7 @@ def _sensors_of(
             yield Channel(sensor, t, t.text("label", ""), node, near, convention)
 
 
-def sprung_points(top: Table, geometry: Geometry) -> Points:
+def sprung_points(top: StudyTable, geometry: Geometry) -> Points:
     """Return where the sprung masses of a study are attached, by their names [m]."""
     tables = enumerate(top.tables("sprung_masses"), 1)
     return {t.text("name", f"sprung mass{k}"): geometry.coordinates(t) for k, t in tables}
@@ -219,7 +221,7 @@ def _nodes_at(point: NDArray[np.float64], nodes: Nodes, geometry: Geometry) -> t
 
 
 def _places(
-    t: Table, geometry: Geometry, nodes: Nodes, bodies: Points, many: bool = True
+    t: StudyTable, geometry: Geometry, nodes: Nodes, bodies: Points, many: bool = True
 ) -> Iterator[tuple[str, NDArray[np.float64], str | None, int | None]]:
     """Return name, coordinates, member and node of each place in a table."""
     if many and ("points" in t or "nodes" in t):
@@ -231,7 +233,7 @@ def _places(
         if names is not None and len(names) != len(values):
             t.refuse("names", f"{len(names)} names are given for {len(values)} {key}")
         for i, value in enumerate(values):
-            inner = Table(t.source, (*t.path, key, i), {key[:-1]: value})
+            inner = StudyTable(t.source, (*t.path, key, i), {key[:-1]: value})
             for word, xyz, member, node in _places(inner, geometry, nodes, bodies, many=False):
                 yield names[i] if names else word, xyz, member, node
         return
@@ -268,7 +270,9 @@ def _places(
         )
 
 
-def _foot(t: Table, geometry: Geometry, xyz: NDArray[np.float64], member: str | None) -> NDArray[np.float64]:
+def _foot(
+    t: StudyTable, geometry: Geometry, xyz: NDArray[np.float64], member: str | None
+) -> NDArray[np.float64]:
     """Return the point of a member, or of the nearest one, where the rigid arm to a place begins [m]."""
     mesh = geometry.mesh
     if not mesh.members:
@@ -283,7 +287,7 @@ def _foot(t: Table, geometry: Geometry, xyz: NDArray[np.float64], member: str | 
     return feet[np.argmin(np.linalg.norm(feet - xyz, axis=1))]
 
 
-def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> Sensor:
+def _placed(t: StudyTable, geometry: Geometry, sensor: Sensor, notes: list[str]) -> Sensor:
     """Put a point of the mesh where a sensor sits, and the sensor on the member's axis."""
     try:
         with t.at():
@@ -308,7 +312,7 @@ def _placed(t: Table, geometry: Geometry, sensor: Sensor, notes: list[str]) -> S
 
 
 def read_excitations(
-    top: Table,
+    top: StudyTable,
     geometry: Geometry,
     sensors: Sequence[Channel],
     nodes: Nodes,
@@ -358,7 +362,7 @@ def read_excitations(
     return out
 
 
-def _base_motion(t: Table, base: NDArray[np.float64]) -> Channel:
+def _base_motion(t: StudyTable, base: NDArray[np.float64]) -> Channel:
     """Return an excitation that is the acceleration of the base along ``base``."""
     word, sign = t.get("base"), t.number("sign", 1.0)
     if abs(sign) != 1:
@@ -370,7 +374,7 @@ def _base_motion(t: Table, base: NDArray[np.float64]) -> Channel:
 
 
 def channels_of_labels(
-    top: Table,
+    top: StudyTable,
     labels: Sequence[str],
     geometry: Geometry,
     nodes: Nodes,
@@ -386,7 +390,7 @@ def channels_of_labels(
         If a label is not that of a node, or the node has no coordinates.
     """
     parsed = [_parsed(label) for label in labels]
-    at_nodes = [Table(top.source, top.path, {"node": node}) for node, _ in parsed]
+    at_nodes = [StudyTable(top.source, top.path, {"node": node}) for node, _ in parsed]
     suspicions += refuse_or_suspect_places(at_nodes, what, geometry.mesh, nodes)
     out = []
     for label, (node, d) in zip(labels, parsed, strict=True):
@@ -416,7 +420,7 @@ def _parsed(label: str) -> tuple[int, int]:
         return -1, 0
 
 
-def read_strain_gauge(t: Table, geometry: Geometry) -> StrainGauge:
+def read_strain_gauge(t: StudyTable, geometry: Geometry) -> StrainGauge:
     """Read a gauge along a member, as it is stated: no point of the mesh is put there.
 
     Parameters

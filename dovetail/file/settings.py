@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from dovetail.file.table import Table, suggest
+from dovetail.file.table import StudyTable, suggest
 from fem.declarations import Environment, Relevant
 from fem.effects import candidate_kinds
 from updating.inference.defaults import EXPLAINED_LEVEL
@@ -19,7 +19,7 @@ N_BANDS = 8
 """Equal bands in which FRFs are compared, unless the caller says otherwise."""
 
 
-def read_model_error(fit: Table) -> float:
+def read_model_error(fit: StudyTable) -> float:
     """Return the level that beams may leave [nepers]; 0 where the study states that the form is right."""
     stated = fit.number("model_error", None, least=0.0, unit="neper")
     if fit.flag("form", True):
@@ -29,7 +29,7 @@ def read_model_error(fit: Table) -> float:
     return 0.0
 
 
-def read_relevant(top: Table) -> Relevant:
+def read_relevant(top: StudyTable) -> Relevant:
     """Read ``[relevant]``: sizes of effects that a planned test is to show."""
     t, usual = top.table("relevant"), Relevant()
     shares = {f.name: t.number(f.name, getattr(usual, f.name), above=0.0, unit="-") for f in fields(usual)}
@@ -40,7 +40,7 @@ def read_relevant(top: Table) -> Relevant:
     return Relevant(**shares)
 
 
-def read_frequency(top: Table, highest: float | None, notes: list[str]) -> tuple[np.ndarray, float]:
+def read_frequency(top: StudyTable, highest: float | None, notes: list[str]) -> tuple[np.ndarray, float]:
     """Read ``[frequency]``: the lines and the highest frequency of interest [Hz].
 
     ``highest`` is the highest frequency of the measurements, None without any [Hz].
@@ -68,7 +68,7 @@ def read_frequency(top: Table, highest: float | None, notes: list[str]) -> tuple
     return start + step * np.arange(n), max(stop, highest or 0.0)
 
 
-def read_candidates(top: Table) -> tuple[tuple[str, ...] | None, tuple[str, ...], list[Environment]]:
+def read_candidates(top: StudyTable) -> tuple[tuple[str, ...] | None, tuple[str, ...], list[Environment]]:
     """Read ``[candidates]``: kinds of effects to try, None for all, kinds to exclude, and the environment."""
     t = top.table("candidates")
     kinds, exclude, environment = t.texts("kinds", None), t.texts("exclude", ()), t.texts("environment", ())

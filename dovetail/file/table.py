@@ -88,7 +88,7 @@ class Source:
 
 
 @dataclass(slots=True)
-class Table:
+class StudyTable:
     """One table of the file; every key that is read is ticked off, the rest are errors."""
 
     source: Source
@@ -256,21 +256,21 @@ class Table:
             )
         return array
 
-    def table(self, key: str) -> "Table":
+    def table(self, key: str) -> "StudyTable":
         """Return a table, empty where there is none."""
         value = self.get(key, {})
         if not isinstance(value, dict):
             self.refuse(key, f"{_shown(value)} is not allowed; a table, [{key}], is needed")
-        return Table(self.source, (*self.path, key), value)
+        return StudyTable(self.source, (*self.path, key), value)
 
-    def tables(self, key: str) -> list["Table"]:
+    def tables(self, key: str) -> list["StudyTable"]:
         """Return an array of tables."""
         value = self.get(key, [])
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
             self.refuse(key, f"an array of tables is needed: write [[{key}]] over each")
-        return [Table(self.source, (*self.path, key, i), v) for i, v in enumerate(value)]
+        return [StudyTable(self.source, (*self.path, key, i), v) for i, v in enumerate(value)]
 
-    def named(self) -> Iterator[tuple[str, "Table"]]:
+    def named(self) -> Iterator[tuple[str, "StudyTable"]]:
         """Return the tables in a table of tables, such as ``[materials.steel]``, by name."""
         for key in self.values:
             yield key, self.table(key)
@@ -355,7 +355,7 @@ def _missing_words(missing: MissingKeyError, found: UnknownKeyError) -> str:
     return f"{text}; {hint}{more} allowed are {', '.join(found.allowed)}"
 
 
-def as_vector(table: Table, key: str, value: Any, size: int | None, unit: str) -> NDArray[np.float64]:
+def as_vector(table: StudyTable, key: str, value: Any, size: int | None, unit: str) -> NDArray[np.float64]:
     """Return a list of finite numbers as an array."""
     if not isinstance(value, list) or not all(_is_number(v) for v in value) or (size and len(value) != size):
         table.refuse(key, f"{_shown(value)} is not allowed; {size or 'some'} numbers [{unit}] are needed")

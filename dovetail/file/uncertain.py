@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from dovetail.file.table import Table
+from dovetail.file.table import StudyTable
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.effects.superelement import Superelement
@@ -20,7 +20,7 @@ SHEAR_STD = 0.3
 
 
 def read_uncertain(
-    top: Table, model: Model, joints: tuple[Joint, ...], notes: list[str]
+    top: StudyTable, model: Model, joints: tuple[Joint, ...], notes: list[str]
 ) -> tuple[tuple[Nuisance, ...], float]:
     """Read ``[uncertain]``: relative standard deviations; 0 for a known parameter."""
     t = top.table("uncertain")
@@ -54,18 +54,18 @@ def read_uncertain(
     return with_turning([n for n in out if n.std > 0], model), std["damping"]
 
 
-def shear_std(top: Table) -> float:
+def shear_std(top: StudyTable) -> float:
     """Return the relative standard deviation of shear coefficients."""
     return top.table("uncertain").number("shear", SHEAR_STD, least=0)
 
 
-def mode_std(top: Table, part: str) -> float:
+def mode_std(top: StudyTable, part: str) -> float:
     """Return the relative standard deviation of the eigenvalues of a part's fixed-interface modes."""
     t = top.table("uncertain")
     return t.table("part").table(part).number("modes", t.number("part_modes", 0.0, least=0), least=0)
 
 
-def _of_materials(t: Table, materials: Iterable[str], std: Mapping[str, float]) -> list[Nuisance]:
+def _of_materials(t: StudyTable, materials: Iterable[str], std: Mapping[str, float]) -> list[Nuisance]:
     out = []
     for name in materials:
         inner = t.table(name)
@@ -76,7 +76,7 @@ def _of_materials(t: Table, materials: Iterable[str], std: Mapping[str, float]) 
     return out
 
 
-def _of_parts(t: Table, parts: Iterable[Superelement], std: float, modes: float) -> list[Nuisance]:
+def _of_parts(t: StudyTable, parts: Iterable[Superelement], std: float, modes: float) -> list[Nuisance]:
     """Read the table of parts; a mass is known better than a stiffness, by :data:`MASS_SHARE`."""
     out = []
     for part in parts:
@@ -90,7 +90,7 @@ def _of_parts(t: Table, parts: Iterable[Superelement], std: float, modes: float)
     return out
 
 
-def _of_joints(t: Table, joints: Iterable[Joint], std: float) -> list[Nuisance]:
+def _of_joints(t: StudyTable, joints: Iterable[Joint], std: float) -> list[Nuisance]:
     out = []
     for joint in joints:
         inner = t.table(joint.name)

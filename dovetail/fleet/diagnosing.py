@@ -12,7 +12,7 @@ from dovetail.units.folder import Journal, Record, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
 from dovetail.units.program import digest_of
-from dovetail.units.work import Step, work_through
+from dovetail.units.work import WorkStep, work_through
 
 
 def diagnose_unit(typical: TypicalUnit, file: str) -> Record:
@@ -40,7 +40,7 @@ def diagnose_unit(typical: TypicalUnit, file: str) -> Record:
 
 
 def diagnose_outliers(
-    triaged: Triaged, n: int, folder: Path, pool: Pool, say: Callable[[Step], None] = lambda step: None
+    triaged: Triaged, n: int, folder: Path, pool: Pool, say: Callable[[WorkStep], None] = lambda step: None
 ) -> tuple[dict[Path, Record], tuple[Outcome, ...]]:
     """Diagnose the units with the highest odds of being outliers.
 

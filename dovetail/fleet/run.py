@@ -15,7 +15,7 @@ from dovetail.units.folder import Journal, alone_in, read_records
 from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
 from dovetail.units.program import digest_of
-from dovetail.units.work import Step, work_through
+from dovetail.units.work import WorkStep, work_through
 from fem.io.atomic import replacing
 
 JOURNAL, UNITS = "fleet.jsonl", "units"
@@ -51,7 +51,7 @@ def run_fleet(
     files: Sequence[Path],
     folder: Path,
     pool: Pool,
-    say: Callable[[Step], None] = lambda step: None,
+    say: Callable[[WorkStep], None] = lambda step: None,
 ) -> Triaged:
     """Triage the units that a folder does not hold yet; return all with their population.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.config import read_study_of
-from dovetail.file.contents import Study, measured, without_held_out
+from dovetail.file.contents import StudyContents, measured, without_held_out
 from dovetail.pipeline import fit_problem
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
@@ -106,7 +106,7 @@ class Fleet:
         """Frequencies of these lines [Hz]."""
         return self.problem.data.frequency[self.lines]
 
-    def study_of(self, file: Path) -> Study:
+    def study_of(self, file: Path) -> StudyContents:
         """Return the study with the measurement of a unit.
 
         Raises
@@ -121,7 +121,7 @@ class Fleet:
         """The uncertain parameters that are fitted, the first of x; damping follows."""
         return self.problem.function((), (), self.problem.lines_up_to(np.inf, 2)).variables
 
-    def fitted(self, study: Study) -> tuple[FitProblem, FitResult]:
+    def fitted(self, study: StudyContents) -> tuple[FitProblem, FitResult]:
         """Fit the uncertain parameters and the damping to the measurement of a unit.
 
         Raises
@@ -135,7 +135,7 @@ class Fleet:
         problem = replace(self.problem, data=replace(data, H=H))
         return problem, fit(problem, stages=problem.stages[-1:], x_from=self.start)
 
-    def rest_of(self, study: Study) -> NDArray[np.complex128]:
+    def rest_of(self, study: StudyContents) -> NDArray[np.complex128]:
         """Return ln(computed / measured) of a unit at its own parameters, at all lines; NaN if not counted.
 
         Nothing is taken off it.
@@ -143,7 +143,7 @@ class Fleet:
         problem, result = self.fitted(study)
         return replace(problem, data=self._data_of(study)).log_ratio(result)
 
-    def _data_of(self, study: Study) -> FitData:
+    def _data_of(self, study: StudyContents) -> FitData:
         problem = self.problem
         measurement = without_held_out(study, measured(study)[0])
         _require_alike(problem, measurement.frf.outputs, measurement.frf.inputs)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.contents import Study, without_held_out
+from dovetail.file.contents import StudyContents, without_held_out
 from dovetail.fleet.population import GAUSSIAN, Population
 from dovetail.fleet.run import Triaged
 from dovetail.fleet.triage import PILOT, WIDER, Fleet
@@ -108,7 +108,7 @@ def _at_mean(fleet: Fleet, p: Population) -> FitResult:
     return replace(fleet.start, values=values, zeta=np.exp(p.mean[len(variables) :]))
 
 
-def between_units(triaged: Triaged, study: Study) -> Between:
+def between_units(triaged: Triaged, study: StudyContents) -> Between:
     """Return what one more unit of a population differs from its mean by."""
     fleet, p, variables = triaged.fleet, triaged.population, triaged.fleet.variables
     one_more = 1 + 1 / float((1 - p.probability).sum())  # its own scatter, and the error of the mean

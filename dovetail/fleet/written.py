@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.fleet.diagnosing import cause_text
 from dovetail.fleet.run import Triaged
-from dovetail.report.blocks import Facts, Items, Picture, Section, TableBlock, Text
+from dovetail.report.blocks import Facts, Items, Picture, ReportSection, TableBlock, Text
 from dovetail.report.page import page, tag
 from dovetail.report.table import Column, Table, write_csv
 from dovetail.units.folder import Record
@@ -161,7 +161,7 @@ def population(triaged: Triaged) -> Table:
 
 
 def write_files(
-    triaged: Triaged, rows: Sequence[Row], study: Study, folder: Path, failures: Sequence[Outcome]
+    triaged: Triaged, rows: Sequence[Row], study: StudyContents, folder: Path, failures: Sequence[Outcome]
 ) -> None:
     """Write the ranking as CSV, the picture and the page."""
     write_csv(folder / RANKING, ranking(rows))
@@ -177,7 +177,7 @@ def write_files(
 
 
 def _page(
-    triaged: Triaged, rows: Sequence[Row], study: Study, picture: Path, failures: Sequence[Outcome]
+    triaged: Triaged, rows: Sequence[Row], study: StudyContents, picture: Path, failures: Sequence[Outcome]
 ) -> str:
     cells = [
         (r.file.name, f"{r.probability:.3f}", f"{r.distance:.2f}", f"{r.rest:.2f}", r.where, r.cause)
@@ -199,12 +199,12 @@ def _page(
     return page(
         title,
         tag("h1", title),
-        Section("Ranking", [Text(tuple(summary_of(triaged, rows))), ranking]),
-        Section("Distance and rest of all units", [drawn]),
-        Section("Population", [TableBlock(scatter, population, numbers=(2, 3, 4))]),
-        Section("Units that failed", [Items(lost)]),
-        Section("Warnings", [Items(warned)]),
-        Section("About", [Facts([("study", study.path.name), ("model", size)])]),
+        ReportSection("Ranking", [Text(tuple(summary_of(triaged, rows))), ranking]),
+        ReportSection("Distance and rest of all units", [drawn]),
+        ReportSection("Population", [TableBlock(scatter, population, numbers=(2, 3, 4))]),
+        ReportSection("Units that failed", [Items(lost)]),
+        ReportSection("Warnings", [Items(warned)]),
+        ReportSection("About", [Facts([("study", study.path.name), ("model", size)])]),
     )
 
 
@@ -219,7 +219,7 @@ def summary_of(triaged: Triaged, rows: Sequence[Row]) -> list[str]:
 
 
 def lines_of(
-    triaged: Triaged, rows: Sequence[Row], study: Study, failures: Sequence[Outcome]
+    triaged: Triaged, rows: Sequence[Row], study: StudyContents, failures: Sequence[Outcome]
 ) -> list[str | Table]:
     """Return the tables that the command prints."""
     shown = rows[:PRINTED]
@@ -249,7 +249,7 @@ def lines_of(
 def as_dict(
     triaged: Triaged,
     rows: Sequence[Row],
-    study: Study,
+    study: StudyContents,
     diagnoses: Mapping[Path, Record],
     failures: Sequence[Outcome],
 ) -> dict[str, Any]:

@@ -60,7 +60,7 @@ class Misfit:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Comparison(correlation.Comparison):
+class StudyComparison(correlation.Comparison):
     """How far a study's FRFs are from the measured ones, with both.
 
     Attributes
@@ -85,7 +85,7 @@ class Comparison(correlation.Comparison):
     @classmethod
     def of(
         cls, problem: FitProblem, result: FitResult, n_bands: int, name: str = "", label: str = "model"
-    ) -> "Comparison":
+    ) -> "StudyComparison":
         """Compare a fit of a problem, or its nominal model, with the measurement."""
         data, measured, computed = problem.data, problem.measured, problem.frf(result)
         compared = correlation.compare(measured, computed, n_bands, data.mask)
@@ -115,7 +115,7 @@ class Comparison(correlation.Comparison):
         output: str | None = None,
         input_: str | None = None,
         *,
-        before: "Comparison | None" = None,
+        before: "StudyComparison | None" = None,
     ) -> Any:
         """Return an interactive plotly figure of one measured and computed FRF, magnitude [dB] and phase.
 

@@ -12,11 +12,11 @@ from updating.diagnosis import diagnose
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Diagnosis(diagnose.Diagnosis):
+class StudyDiagnosis(diagnose.Diagnosis):
     """Which effects a study's model lacks; the fields are those of :class:`updating.Diagnosis`."""
 
     @classmethod
-    def of(cls, found: diagnose.Diagnosis) -> "Diagnosis":
+    def of(cls, found: diagnose.Diagnosis) -> "StudyDiagnosis":
         """Return a diagnosis with tables."""
         return cls(**{f.name: getattr(found, f.name) for f in fields(found)})
 

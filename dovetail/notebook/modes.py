@@ -16,11 +16,11 @@ from updating.inference.mode_fit import ModeProblem
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ModeDiagnosis(mode_diagnosis.ModeDiagnosis):
+class StudyModeDiagnosis(mode_diagnosis.ModeDiagnosis):
     """What a study's model lacks by its measured modes."""
 
     @classmethod
-    def of(cls, found: mode_diagnosis.ModeDiagnosis) -> "ModeDiagnosis":
+    def of(cls, found: mode_diagnosis.ModeDiagnosis) -> "StudyModeDiagnosis":
         """Return a diagnosis with tables."""
         return cls(**{f.name: getattr(found, f.name) for f in fields(found)})
 
@@ -42,7 +42,7 @@ class ModeDiagnosis(mode_diagnosis.ModeDiagnosis):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ModeComparison:
+class StudyModeComparison:
     """How far a study's modes are from the measured ones, (n,) each; NaN where there is none.
 
     Attributes
@@ -74,7 +74,7 @@ class ModeComparison:
     @classmethod
     def of(
         cls, problem: ModeProblem, result: FitResult, name: str = "", label: str = "model"
-    ) -> "ModeComparison":
+    ) -> "StudyModeComparison":
         """Compare a fit of a problem, or its nominal model, with the measured modes."""
         t, computed = problem.targets, problem.computed(result)
         return cls(

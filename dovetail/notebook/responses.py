@@ -10,11 +10,11 @@ from fem.analysis import frf
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class FRF(frf.FRF):
+class StudyFRF(frf.FRF):
     """Frequency response functions of a study's model; :class:`fem.FRF` with a figure."""
 
     @classmethod
-    def of(cls, data: frf.FRF) -> "FRF":
+    def of(cls, data: frf.FRF) -> "StudyFRF":
         """Return FRFs with a figure."""
         return cls(**{f.name: getattr(data, f.name) for f in fields(data)})
 
@@ -24,9 +24,9 @@ class FRF(frf.FRF):
         inputs: Sequence[str] | None = None,
         band: tuple[float, float] | None = None,
         lines: ArrayLike | None = None,
-    ) -> "FRF":
+    ) -> "StudyFRF":
         """Return some of the responses, forces and lines; see :meth:`fem.FRF.select`."""
-        return FRF.of(frf.FRF.select(self, outputs, inputs, band, lines))
+        return StudyFRF.of(frf.FRF.select(self, outputs, inputs, band, lines))
 
     def plot(self, output: str | None = None, input_: str | None = None) -> Any:
         """Return an interactive plotly figure of one FRF, magnitude [dB] and phase [degrees].

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.report import cells, words
-from dovetail.report.blocks import Block, Group, Heading, Items, Plot, Section, TableBlock, Text
+from dovetail.report.blocks import Block, Group, Heading, Items, Plot, ReportSection, TableBlock, Text
 from dovetail.report.confidence import confidence
 from dovetail.report.drawn import STAIRCASE, staircase_alt
 from dovetail.report.probable import probability_text
@@ -42,7 +42,7 @@ def verdict_box(
     return Group(f"verdict {CLASS.get(verdict, 'unexplained')}", parts)
 
 
-def first_screen(study: Study, box: Group, *figures: Block) -> list[Block]:
+def first_screen(study: StudyContents, box: Group, *figures: Block) -> list[Block]:
     """Return description and verdict, with the staircase and the structure."""
     return [Text(study.description), box, Group("answer", figures)]
 
@@ -69,11 +69,11 @@ def _structure(result: RunResult, shown: Shown) -> Plot:
     return shown.figure("model", f"{alt}.", caption, ["structure"], hint=TURN)
 
 
-def how_sure(result: RunResult) -> Section:
+def how_sure(result: RunResult) -> ReportSection:
     """Return how sure the verdict is, the errors of the steps, and advice."""
     unexplained = result.diagnosis.verdict == UNEXPLAINED
     advice = [Heading("Advice"), Items(words.advice(result))] if unexplained else []
-    return Section("How sure", [Items(confidence(result)), *_steps(result.diagnosis, result), *advice])
+    return ReportSection("How sure", [Items(confidence(result)), *_steps(result.diagnosis, result), *advice])
 
 
 def _steps(d: Diagnosis, result: RunResult) -> list[Block]:

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class ReportMark:
     """Text that stands out in a line; ``style`` is its class in a page, or ``code``."""
 
     text: str
@@ -25,7 +25,7 @@ class Pick:
     input: str
 
 
-Line: TypeAlias = "str | int | Mark | Pick | tuple[Line, ...]"
+Line: TypeAlias = "str | int | ReportMark | Pick | tuple[Line, ...]"
 """Words, some of them marked, or several of these one after the other."""
 
 
@@ -33,7 +33,7 @@ def plain(line: Line) -> str:
     """Return a line as text alone."""
     if isinstance(line, tuple):
         return " ".join("".join(map(plain, line)).split())
-    text = line.text if isinstance(line, Mark) else "" if isinstance(line, Pick) else str(line)
+    text = line.text if isinstance(line, ReportMark) else "" if isinstance(line, Pick) else str(line)
     return " ".join(text.split()) if text.strip() else text
 
 
@@ -152,7 +152,7 @@ class Group:
         return any(self.blocks)
 
 
-class Section(Group):
+class ReportSection(Group):
     """A section with its heading."""
 
     __slots__ = ()
@@ -174,4 +174,4 @@ class Report:
     name: str
     verdict: str
     first: Sequence[Block | None]
-    sections: Sequence[Section]
+    sections: Sequence[ReportSection]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from dovetail.report import words
-from dovetail.report.blocks import Line, Mark, TableBlock
+from dovetail.report.blocks import Line, ReportMark, TableBlock
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import Ranked
 
@@ -52,7 +52,7 @@ def ranking(known: Sequence[tuple[Ranked, str]], marked: Sequence[int]) -> Table
     digits = [words.digits_apart(first, column) for first, *column in zip(*values, strict=True)]
     rows: list[list[Line]] = []
     for (r, what), numbers in zip(known, values, strict=True):
-        label = (words.ranked_label(r), " ", Mark(what) if what else "")
+        label = (words.ranked_label(r), " ", ReportMark(what) if what else "")
         cells = (decimals(x, n) for x, n in zip(numbers, digits, strict=True))
         rows.append([label, words.parameters_text(r.parameters), *cells])
     return TableBlock(RANKING, rows, numbers=(2, 3, 4, 5), marked=marked)

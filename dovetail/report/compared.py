@@ -3,7 +3,7 @@
 import numpy as np
 
 from dovetail.mode_result import ModeRunResult
-from dovetail.report.blocks import Details, Facts, Items, Section, TableBlock, Text
+from dovetail.report.blocks import Details, Facts, Items, ReportSection, TableBlock, Text
 from dovetail.report.drawn import held_out_bands
 from dovetail.result import RunResult
 from fem.mesh import Mesh
@@ -12,12 +12,12 @@ from updating.inference.fit_data import TRANSVERSE, FitData
 from updating.measurement.measurement import MOTION
 
 
-def check_first(result: RunResult | ModeRunResult) -> Section:
+def check_first(result: RunResult | ModeRunResult) -> ReportSection:
     """Return the probable faults of the study; nothing without any."""
-    return Section("Check first", [Items(result.study.warnings)])
+    return ReportSection("Check first", [Items(result.study.warnings)])
 
 
-def compared(result: RunResult) -> Section:
+def compared(result: RunResult) -> ReportSection:
     """Return the measured data, and how they are compared with the model."""
     d, study = result.diagnosis, result.study
     data, mesh, before = d.problem.data, study.model.mesh, study.baseline_frfs
@@ -40,7 +40,7 @@ def compared(result: RunResult) -> Section:
     ]
     places = f"{counted(len(study.sensors), 'sensor')} and {counted(len(study.excitations), 'excitation')}"
     measured = TableBlock(head, rows, numbers=(3, 4, 5), caption="Measured FRFs")
-    return Section("Compared data", [measured, Facts(facts), Details(places, [_sensor_places(result)])])
+    return ReportSection("Compared data", [measured, Facts(facts), Details(places, [_sensor_places(result)])])
 
 
 def model_size(mesh: Mesh) -> str:
@@ -49,7 +49,7 @@ def model_size(mesh: Mesh) -> str:
     return f"{members}, {mesh.n_lines} beam elements, {mesh.n_points} points"
 
 
-def gates(result: RunResult) -> Section:
+def gates(result: RunResult) -> ReportSection:
     """Return the tests of the measurement before the search; nothing without any."""
     known = result.diagnosis.gates
     rows = (
@@ -60,7 +60,7 @@ def gates(result: RunResult) -> Section:
         "warning with the verdict."
     )
     blocks = [Text(text), TableBlock(["check", "outcome", "finding"], rows)] if known else []
-    return Section("Checks of the measurement", blocks)
+    return ReportSection("Checks of the measurement", blocks)
 
 
 def _held_out_words(result: RunResult) -> str:

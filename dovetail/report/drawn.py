@@ -15,7 +15,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Ranked
 from updating.diagnosis.localisation import Localisation
-from viz.interactive.solids import Place
+from viz.interactive.solids import MarkedPlace
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 """Names of the curves of the last step."""
@@ -120,7 +120,7 @@ def held_out_bands(result: RunResult) -> list[tuple[float, float]]:
     return list(bands_of_lines(data.frequency, data.held_out))
 
 
-def marked_places(result: RunResult) -> list[Place]:
+def marked_places(result: RunResult) -> list[MarkedPlace]:
     """Return the places of findings, of departures of the form and of faults, one for each point."""
     d, m = result.diagnosis, result.diagnosis.problem.data.measurement
     out: dict[tuple[float, ...], list[tuple[str, str, str]]] = {}
@@ -140,17 +140,17 @@ def marked_places(result: RunResult) -> list[Place]:
         label = f"{fault.sensor}: {word}"
         out.setdefault(tuple(np.round(sensor.point, 9)), []).append((fault.sensor, label, "fault"))
     return [
-        Place(np.array(xyz), here[0][0], " and ".join(dict.fromkeys(t[1] for t in here)), here[0][2])
+        MarkedPlace(np.array(xyz), here[0][0], " and ".join(dict.fromkeys(t[1] for t in here)), here[0][2])
         for xyz, here in out.items()
     ]
 
 
-def failing_places(where: Localisation) -> list[tuple[Place, float]]:
+def failing_places(where: Localisation) -> list[tuple[MarkedPlace, float]]:
     """Return joints and supports with their shares of the misfit, the largest at each point."""
-    out: dict[tuple[float, ...], tuple[Place, float]] = {}
+    out: dict[tuple[float, ...], tuple[MarkedPlace, float]] = {}
     for name, share in where.places:
         for xyz in where.points[name]:
-            out.setdefault(tuple(np.round(xyz, 9)), (Place(xyz, name, words.place(name)), share))
+            out.setdefault(tuple(np.round(xyz, 9)), (MarkedPlace(xyz, name, words.place(name)), share))
     return list(out.values())
 
 

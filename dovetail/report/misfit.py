@@ -3,12 +3,12 @@
 import numpy as np
 
 from dovetail.report import cells, words
-from dovetail.report.blocks import Block, Details, Heading, Plot, Section, TableBlock, Text
+from dovetail.report.blocks import Block, Details, Heading, Plot, ReportSection, TableBlock, Text
 from dovetail.report.shown import TURN, Shown
 from dovetail.result import RunResult, least_frac
 
 
-def misfit(result: RunResult, shown: Shown) -> Section:
+def misfit(result: RunResult, shown: Shown) -> ReportSection:
     """Return the error by sensor and by band, and places where a small change would help."""
     text = (
         "The model with fitted uncertain parameters, before any effect is added. A complete model is "
@@ -27,7 +27,7 @@ def misfit(result: RunResult, shown: Shown) -> Section:
         Details("The same with the found effects", after),
         Details("Error of each sensor", [_sensor_errors(result)]),
     ]
-    return Section("Where it fails", blocks)
+    return ReportSection("Where it fails", blocks)
 
 
 def _map(shown: Shown, name: str, what: str) -> Plot:

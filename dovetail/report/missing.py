@@ -11,7 +11,7 @@ from dovetail.report.blocks import (
     Items,
     Pick,
     Picture,
-    Section,
+    ReportSection,
     TableBlock,
     Text,
 )
@@ -27,11 +27,11 @@ from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.separation import Proposal
 
 
-def missing(result: RunResult, shown: Shown) -> Section:
+def missing(result: RunResult, shown: Shown) -> ReportSection:
     """Return the found effects, their evidence, and measurements that would tell them from rivals."""
     d = result.diagnosis
     if not d.findings:
-        return Section("Missing effects", [*_nothing_found(result, shown), *_hypotheses(result, shown)])
+        return ReportSection("Missing effects", [*_nothing_found(result, shown), *_hypotheses(result, shown)])
     rows = []
     for f in d.findings:
         for p in f.parameters:
@@ -51,7 +51,7 @@ def missing(result: RunResult, shown: Shown) -> Section:
         "parameters vary with it. The residual beyond noise counts in them as an error of the model that "
         "is much the same at neighbouring lines; a model that is wrong all over may shift values by more."
     )
-    return Section("Missing effects", [*blocks, Text(text)])
+    return ReportSection("Missing effects", [*blocks, Text(text)])
 
 
 def _absent(finding: Finding, found: EffectParameter) -> str:
@@ -190,7 +190,7 @@ def _excluded(result: RunResult, shown: Shown) -> list[Block]:
     return [Text(planning.EXCLUDED), table, figure]
 
 
-def search(result: RunResult, shown: Shown) -> Section:
+def search(result: RunResult, shown: Shown) -> ReportSection:
     """Return how the candidates did in each round; nothing where none was looked at."""
     d = result.diagnosis
     text = (
@@ -205,7 +205,7 @@ def search(result: RunResult, shown: Shown) -> Section:
     for k in rounds:
         body = _round(result, shown, k)
         blocks += body if k == rounds[0] else [Details(f"Round {k + 1}: {_outcome(result, k)}", body)]
-    return Section("How the candidates did", blocks)
+    return ReportSection("How the candidates did", blocks)
 
 
 def _round(result: RunResult, shown: Shown, k: int) -> list[Block]:

@@ -21,7 +21,7 @@ from viz.interactive.error import probability_figure, staircase_figure
 from viz.interactive.frequencies import deviations_figure, mac_figure
 from viz.interactive.model import model_figure
 from viz.interactive.modes import MeasuredShape
-from viz.interactive.solids import Place
+from viz.interactive.solids import MarkedPlace
 from viz.offscreen import NO_OPENGL, can_draw, why_not
 from viz.shapes import real_shape
 
@@ -64,7 +64,7 @@ def hypotheses_by_modes(d: ModeDiagnosis) -> list[tuple[str, float]]:
     return [(f"{k}: {e.label}", e.probability) for k, e in enumerate(d.explanations, 1)]
 
 
-def places_by_modes(result: ModeRunResult) -> list[Place]:
+def places_by_modes(result: ModeRunResult) -> list[MarkedPlace]:
     """Return the places of the effects found, and those of other explanations of the credible set."""
     d, model = result.diagnosis, result.study.model
     out: dict[tuple[float, ...], list[tuple[str, str, str]]] = {}
@@ -76,7 +76,7 @@ def places_by_modes(result: ModeRunResult) -> list[Place]:
                 if not here or here[0][2] == role:
                     here.append((effect.where, effect.kind.replace("_", " "), role))
     return [
-        Place(np.array(xyz), here[0][0], " and ".join(dict.fromkeys(t[1] for t in here)), here[0][2])
+        MarkedPlace(np.array(xyz), here[0][0], " and ".join(dict.fromkeys(t[1] for t in here)), here[0][2])
         for xyz, here in out.items()
     ]
 

@@ -8,7 +8,7 @@ import numpy as np
 from dovetail.mode_result import ModeRunResult, mode_steps
 from dovetail.report import cells, words
 from dovetail.report.answer import first_screen, verdict_box
-from dovetail.report.blocks import Facts, Items, Plot, Report, Section, TableBlock, Text
+from dovetail.report.blocks import Facts, Items, Plot, Report, ReportSection, TableBlock, Text
 from dovetail.report.compared import check_first, model_size
 from dovetail.report.confidence import mode_confidence
 from dovetail.report.mode_drawn import (
@@ -83,11 +83,11 @@ def _structure(result: ModeRunResult, shown: Shown) -> Plot:
     return shown.figure("model", f"{alt}.", f"{caption}.", ["structure"], hint=TURN)
 
 
-def _baseline(result: ModeRunResult) -> Section:
+def _baseline(result: ModeRunResult) -> ReportSection:
     """Return what the first of two states says of the model, where that does not stand."""
     judged = result.diagnosis.judged
     if judged is None or judged.diagnosis is None:
-        return Section("", ())
+        return ReportSection("", ())
     off = judged.first.missed
     modes = [
         [f"{k + 1}", f"{f:.5g}", f"{off[k]:+.1f}" if math.isfinite(off[k]) else "–"]
@@ -108,10 +108,10 @@ def _baseline(result: ModeRunResult) -> Section:
         TableBlock(["missing in both states", "probability"], causes, numbers=(1,)),
         TableBlock(["mode", "measured [Hz]", "missed by [σ]"], modes, numbers=(0, 1, 2), caption=caption),
     ]
-    return Section("The baseline is poor", blocks)
+    return ReportSection("The baseline is poor", blocks)
 
 
-def _how_sure(result: ModeRunResult) -> Section:
+def _how_sure(result: ModeRunResult) -> ReportSection:
     d, digits = result.diagnosis, digits_of(result.diagnosis)
     head = ["step", "fitted modes [%]", *(["held-out modes [%]"] if d.modes.held_out.any() else [])]
     rows = [
@@ -123,10 +123,10 @@ def _how_sure(result: ModeRunResult) -> Section:
         "evidence; held-out modes do not count."
     )
     table = TableBlock(head, [row[: len(head)] for row in rows], numbers=(1, 2))
-    return Section("How sure", [Items(mode_confidence(result)), table, Text(text)])
+    return ReportSection("How sure", [Items(mode_confidence(result)), table, Text(text)])
 
 
-def _compared(result: ModeRunResult) -> Section:
+def _compared(result: ModeRunResult) -> ReportSection:
     study = result.study
     rows = []
     for name, m in (("modes", study.modes), ("baseline", study.baseline)):
@@ -144,10 +144,10 @@ def _compared(result: ModeRunResult) -> Section:
         by = (("sensors of the test", study.modes.sensors), ("forces of the test", study.modes.driven))
         seen += [(name, ", ".join(s.name for s in part)) for name, part in by if part]
     table = TableBlock([*head, "held out"], rows, numbers=(2, 6), caption="Measured modes")
-    return Section("Compared data", [table, Facts([*seen, ("model", model_size(study.model.mesh))])])
+    return ReportSection("Compared data", [table, Facts([*seen, ("model", model_size(study.model.mesh))])])
 
 
-def _explanations(result: ModeRunResult, shown: Shown) -> Section:
+def _explanations(result: ModeRunResult, shown: Shown) -> ReportSection:
     d = result.diagnosis
     rows = [
         [f"{k}: {words.explanation_text(e)}", percent(e.probability)] for k, e in enumerate(d.credible, 1)
@@ -164,10 +164,10 @@ def _explanations(result: ModeRunResult, shown: Shown) -> Section:
     caption = "The fewest explanations that have a probability of 90 % together."
     table = TableBlock(["explanation", "probability"], rows, numbers=(1,), caption=caption, at_most=12)
     blocks = [figure if len(hypotheses_by_modes(d)) > 1 else None, table, Text(text)]
-    return Section("What has changed" if d.baseline is not None else "What may be missing", blocks)
+    return ReportSection("What has changed" if d.baseline is not None else "What may be missing", blocks)
 
 
-def _modes(result: ModeRunResult, shown: Shown) -> Section:
+def _modes(result: ModeRunResult, shown: Shown) -> ReportSection:
     m, steps = result.diagnosis.modes, mode_steps(result.diagnosis)
     damped, shaped = np.isfinite(m.zeta).any(), np.isfinite(m.mac_found).any()
     head = ["measured [Hz]", "std [%]", *(f"{label} [%]" for label in steps)]
@@ -194,7 +194,7 @@ def _modes(result: ModeRunResult, shown: Shown) -> Section:
         mac,
         *shapes(shown, sensors),
     ]
-    return Section("Natural frequencies and mode shapes", blocks)
+    return ReportSection("Natural frequencies and mode shapes", blocks)
 
 
 def _role(m: ModeTable, k: int) -> str:
@@ -206,14 +206,14 @@ def _role(m: ModeTable, k: int) -> str:
     return f"predicted: {m.predicted_text(k)}" if math.isfinite(m.found_std[k]) else "predicted"
 
 
-def _places(result: ModeRunResult) -> Section:
+def _places(result: ModeRunResult) -> ReportSection:
     rows = [[words.place(name), f"{share:.2f}"] for name, share in result.diagnosis.places[:20]]
     text = Text("Share of the misfit that changes at a place leave: the smaller, the more likely.")
     table = TableBlock(["place", "remaining misfit [-]"], rows, numbers=(1,), at_most=8)
-    return Section("Where", [text, table] if rows else ())
+    return ReportSection("Where", [text, table] if rows else ())
 
 
-def _next(result: ModeRunResult) -> Section:
+def _next(result: ModeRunResult) -> ReportSection:
     proposals = result.diagnosis.next_measurements
     lead = "To distinguish the first two explanations:" if proposals else ""
-    return Section("What to measure next", [Text(lead), Items(proposals)])
+    return ReportSection("What to measure next", [Text(lead), Items(proposals)])

@@ -22,7 +22,7 @@ class ReportError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class OutlinePicture:
     """A picture as PNG or GIF, a text for those who cannot see it, and its caption."""
 
     content: bytes
@@ -30,11 +30,11 @@ class Picture:
     caption: str = ""
 
 
-Block = Text | Items | TableBlock | Picture
+Block = Text | Items | TableBlock | OutlinePicture
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ReportPart:
     """A part of the story: heading, level (1 for a section, 2 below it), and its content."""
 
     heading: str
@@ -57,7 +57,7 @@ class Outline:
 
     name: str
     first: tuple[Block, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[ReportPart, ...]
 
     def blocks(self) -> Iterator[Block]:
         """Yield all blocks in their order."""
@@ -151,10 +151,14 @@ def read_outline(folder: Path) -> Outline:
 
         def block(kind: str, *values: Any) -> Block:
             if kind == "Picture":
-                return Picture(_content(folder / PICTURES / Path(values[0]).name, embedded), *values[1:])
+                return OutlinePicture(
+                    _content(folder / PICTURES / Path(values[0]).name, embedded), *values[1:]
+                )
             return {"Text": Text, "Items": Items, "Table": TableBlock}[kind](*values)
 
-        parts = (Part(heading, level, tuple(block(*b) for b in blocks)) for heading, level, blocks in rest)
+        parts = (
+            ReportPart(heading, level, tuple(block(*b) for b in blocks)) for heading, level, blocks in rest
+        )
         return Outline(name, tuple(block(*b) for b in first), tuple(parts))
     except UnicodeDecodeError as reason:
         msg = f"{file}: byte {reason.start} is not UTF-8; is it a report of {_WRITERS}?"

@@ -17,12 +17,12 @@ from dovetail.report.blocks import (
     Group,
     Heading,
     Items,
-    Mark,
     Pick,
     Picture,
     Plot,
     Report,
-    Section,
+    ReportMark,
+    ReportSection,
     TableBlock,
     Text,
 )
@@ -81,7 +81,7 @@ def _(parts: tuple) -> Markup:
 
 
 @html.register
-def _(mark: Mark) -> Markup:
+def _(mark: ReportMark) -> Markup:
     return tag("code", mark.text) if mark.style == "code" else tag("span", mark.text, class_=mark.style)
 
 
@@ -169,7 +169,7 @@ def _(block: Group) -> Markup:
 
 
 @html.register
-def _(block: Section) -> Markup:
+def _(block: ReportSection) -> Markup:
     return section(block.title, *block.blocks) if block else Markup()
 
 

@@ -7,14 +7,14 @@ import numpy as np
 
 from dovetail.mode_result import ModeRunResult
 from dovetail.report import cells, words
-from dovetail.report.blocks import Block, Group, Line, Mark, Section, TableBlock, Text
+from dovetail.report.blocks import Block, Group, Line, ReportMark, ReportSection, TableBlock, Text
 from dovetail.report.drawn import FRF_ERROR
 from dovetail.report.page import Markup, join, tag
 from dovetail.report.shown import TURN, Shown, choice
-from dovetail.result import RunResult, Uncertain
+from dovetail.result import RunResult, UncertainValue
 
 
-def frfs(result: RunResult, shown: Shown) -> Section:
+def frfs(result: RunResult, shown: Shown) -> ReportSection:
     """Return the FRFs: any of them where a script runs, the telling ones else."""
     known = result.diagnosis.measured
     tools = join(
@@ -41,10 +41,10 @@ def frfs(result: RunResult, shown: Shown) -> Section:
         shown.figure("frf-error", FRF_ERROR.partition(";")[0] + ".", FRF_ERROR, ["frf-error"]),
         shown.figure("frf", f"{alt}response and force.", caption, names, tools=tools),
     ]
-    return Section("FRFs before and after", blocks)
+    return ReportSection("FRFs before and after", blocks)
 
 
-def modes(result: RunResult, shown: Shown) -> Section:
+def modes(result: RunResult, shown: Shown) -> ReportSection:
     """Return natural frequencies before and after, and the mode shapes."""
     rows = []
     for k, m in enumerate(result.modes, 1):
@@ -74,7 +74,7 @@ def modes(result: RunResult, shown: Shown) -> Section:
     )
     table = TableBlock(head, rows, numbers=range(7), at_most=15)
     blocks = [*_measured_modes(result), Text(text), table, *shapes(shown, arrows)]
-    return Section("Natural frequencies and mode shapes", blocks)
+    return ReportSection("Natural frequencies and mode shapes", blocks)
 
 
 def _measured_modes(result: RunResult) -> list[Block]:
@@ -127,7 +127,7 @@ def shapes(shown: Shown, arrows: str = "") -> list[Block | None]:
     return [shown.figure("modes", alt, caption.strip(), names, tools=tools, hint=TURN)]
 
 
-def uncertain(result: RunResult | ModeRunResult, fitted: str = "in every step") -> Section:
+def uncertain(result: RunResult | ModeRunResult, fitted: str = "in every step") -> ReportSection:
     """Return the uncertain parameters before and after the fit; ``fitted`` says to or with what."""
     bound = sum(u.at_bound for u in result.uncertain)
     text = (
@@ -139,21 +139,21 @@ def uncertain(result: RunResult | ModeRunResult, fitted: str = "in every step") 
     head = ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""]
     table = TableBlock(head, list(map(_parameter_row, result.uncertain)), numbers=(1, 2, 3, 4), at_most=25)
     text = f"Fitted {fitted} within their prior standard deviations.{text}"
-    return Section("Uncertain parameters", [Text(text), table])
+    return ReportSection("Uncertain parameters", [Text(text), table])
 
 
-def _parameter_row(u: Uncertain) -> list[Line]:
+def _parameter_row(u: UncertainValue) -> list[Line]:
     value, change = "replaced by the effect", "–"
     if math.isfinite(u.fitted):
         value = words.with_unit(u.fitted, u.unit, math.nan if u.at_bound else u.std)
         if math.isfinite(u.moved):
             change = f"{round(u.moved, 1) + 0.0:+.1f}".replace("-", "−")
-    flag = Mark("at bound", "tag bound") if u.at_bound else ""
+    flag = ReportMark("at bound", "tag bound") if u.at_bound else ""
     prior = cells.percent(u.prior_std, u.nominal)
     return [u.words, words.with_unit(u.nominal, u.unit), value, change, prior, flag]
 
 
-def faults(result: RunResult) -> Section:
+def faults(result: RunResult) -> ReportSection:
     """Return the faults of the measurement and their remedies."""
     d, known = result.diagnosis, result.diagnosis.every_fault
     none = (
@@ -179,4 +179,4 @@ def faults(result: RunResult) -> Section:
         for f in known
     ]
     table = TableBlock(["sensor or force", "fault", "value", "", "remedy"], rows, numbers=(2,))
-    return Section("Faults of the measurement", [Text(some.strip()), table] if known else [Text(none)])
+    return ReportSection("Faults of the measurement", [Text(some.strip()), table] if known else [Text(none)])

@@ -8,7 +8,7 @@ from PIL import Image
 
 from dovetail.report.blocks import plain
 from dovetail.report.office import BLUE, office
-from dovetail.report.outline import Items, Outline, Part, Picture, TableBlock, Text
+from dovetail.report.outline import Items, Outline, OutlinePicture, ReportPart, TableBlock, Text
 from fem.io.atomic import replacing
 
 WIDTH, HEIGHT = 13.333, 7.5
@@ -36,7 +36,7 @@ def write_pptx(outline: Outline, path: Path) -> None:
     show.slide_width, show.slide_height = inches(WIDTH), inches(HEIGHT)
     show.core_properties.title = outline.name
     _verdict(show, outline)
-    for picture in (b for b in outline.first if isinstance(b, Picture)):
+    for picture in (b for b in outline.first if isinstance(b, OutlinePicture)):
         _picture(show, outline.name, picture)
     section = ""
     for part in outline.parts:
@@ -87,7 +87,7 @@ def _verdict(show: Any, outline: Outline) -> None:
     frame.paragraphs[0].font.color.rgb = office("pptx.dml.color").RGBColor.from_string(BLUE)
 
 
-def _part(show: Any, part: Part, section: str) -> None:
+def _part(show: Any, part: ReportPart, section: str) -> None:
     title = part.heading if part.level == 1 else f"{section}: {part.heading}" if section else part.heading
     listed = [b for b in part.blocks if isinstance(b, Items)]
     if listed or all(isinstance(b, Text) for b in part.blocks):
@@ -96,13 +96,13 @@ def _part(show: Any, part: Part, section: str) -> None:
         if lines:
             _texts(_slide(show, title), lines, TOP, HEIGHT - TOP - MARGIN)
     for block in part.blocks:
-        if isinstance(block, Picture):
+        if isinstance(block, OutlinePicture):
             _picture(show, title, block)
         elif isinstance(block, TableBlock):
             _table(show, title, block)
 
 
-def _picture(show: Any, title: str, block: Picture) -> None:
+def _picture(show: Any, title: str, block: OutlinePicture) -> None:
     slide, util = _slide(show, title), office("pptx.util")
     with Image.open(BytesIO(block.content)) as drawn:
         proportion = drawn.width / drawn.height

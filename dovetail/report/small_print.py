@@ -6,11 +6,11 @@ import inspect
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from dovetail.file.contents import Study
+from dovetail.file.contents import StudyContents
 from dovetail.file.geometry import describe_sizes
 from dovetail.mode_result import ModeRunResult
 from dovetail.report import words
-from dovetail.report.blocks import Details, Facts, Items, Mark, Section, TableBlock, Text
+from dovetail.report.blocks import Details, Facts, Items, ReportMark, ReportSection, TableBlock, Text
 from dovetail.report.shown import Shown
 from dovetail.result import RunResult, program_version
 
@@ -42,18 +42,18 @@ MODULES_OF_MODES = (
 """The same of a diagnosis from modes."""
 
 
-def notes(result: RunResult | ModeRunResult, shown: Shown) -> Section:
+def notes(result: RunResult | ModeRunResult, shown: Shown) -> ReportSection:
     """Return notes for the reader on methods and limits."""
     study = result.study
     failures = *shown.album.failures, *shown.figures.failures
     known = [*study.model.mesh.notes, *study.measured_notes, *result.notes, *failures]
-    return Section("Notes", [Items(known)])
+    return ReportSection("Notes", [Items(known)])
 
 
-def assumptions(result: RunResult | ModeRunResult, modules: Sequence[str] = MODULES) -> Section:
+def assumptions(result: RunResult | ModeRunResult, modules: Sequence[str] = MODULES) -> ReportSection:
     """Return assumptions, the thresholds of the search, and the study file."""
     rows = [
-        [Mark(name, "code"), words.number(value) if isinstance(value, float) else str(value), text]
+        [ReportMark(name, "code"), words.number(value) if isinstance(value, float) else str(value), text]
         for name, value, text in thresholds(modules)
     ]
     study, table = result.study, TableBlock(["name", "value", "meaning"], rows, numbers=(1,), at_most=100)
@@ -62,7 +62,7 @@ def assumptions(result: RunResult | ModeRunResult, modules: Sequence[str] = MODU
         Details("Thresholds of the search", [table]),
         Details("The study file", [Text(study.text, "pre")]),
     ]
-    return Section("Assumptions and thresholds", blocks)
+    return ReportSection("Assumptions and thresholds", blocks)
 
 
 def thresholds(modules: Sequence[str] = MODULES) -> Iterator[tuple[str, float, str]]:
@@ -89,7 +89,7 @@ def _program() -> str:
     return "Dovetail, not installed" if version == "unknown" else f"Dovetail {version}"
 
 
-def about(result: RunResult) -> Section:
+def about(result: RunResult) -> ReportSection:
     """Return the facts of the run."""
     d = result.diagnosis
     facts = [
@@ -102,7 +102,7 @@ def about(result: RunResult) -> Section:
     return _about(result, facts, files)
 
 
-def about_modes(result: ModeRunResult) -> Section:
+def about_modes(result: ModeRunResult) -> ReportSection:
     """Return the facts of a run on modes."""
     d = result.diagnosis
     problem = d.problem if d.baseline is None else d.baseline.problem
@@ -114,17 +114,17 @@ def about_modes(result: ModeRunResult) -> Section:
     return _about(result, facts, "found.toml, pictures/")
 
 
-def _about(result: RunResult | ModeRunResult, facts: Sequence[tuple[str, str]], files: str) -> Section:
+def _about(result: RunResult | ModeRunResult, facts: Sequence[tuple[str, str]], files: str) -> ReportSection:
     run = [
         ("study file", result.study.path.name),
         ("program", _program()),
         ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
     ]
     files = f"result.json (for programs), {files}"
-    return Section("About this run", [Facts([*run, *facts, ("files next to this one", files)])])
+    return ReportSection("About this run", [Facts([*run, *facts, ("files next to this one", files)])])
 
 
-def _mesh(study: Study) -> tuple[str, str]:
+def _mesh(study: StudyContents) -> tuple[str, str]:
     mesh = study.model.mesh
     if not mesh.n_lines:
         return "mesh", f"no members; {study.model.n_dof} degrees of freedom before constraints"

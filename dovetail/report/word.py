@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.report.office import BLUE, office
-from dovetail.report.outline import Block, Items, Outline, Picture, TableBlock, Text
+from dovetail.report.outline import Block, Items, Outline, OutlinePicture, TableBlock, Text
 from fem.io.atomic import replacing
 
 WIDTH = 6.3
@@ -66,7 +66,7 @@ def _add_text(document: Any, block: Text) -> None:
         run.font.size = shared.Pt(12)
 
 
-def _add_picture(document: Any, block: Picture) -> None:
+def _add_picture(document: Any, block: OutlinePicture) -> None:
     shape = document.add_picture(BytesIO(block.content), width=office("docx.shared").Inches(WIDTH))
     shape._inline.docPr.set("descr", block.alt)
     document.paragraphs[-1].paragraph_format.keep_with_next = bool(block.caption)

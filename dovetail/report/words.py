@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from dovetail.mode_result import ModeRunResult, mode_findings
-from dovetail.result import ADDED, RunResult, Uncertain, added_parameters, axis_text
+from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, axis_text
 from fem.model import Effect, Model, Parameter
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
@@ -237,7 +237,7 @@ def departure_text(d: Departure) -> str:
     return f"{text}. Possible instead: {others}"
 
 
-def far_text(parameters: Sequence[Uncertain]) -> str:
+def far_text(parameters: Sequence[UncertainValue]) -> str:
     """Return a warning of uncertain parameters far from nominal; empty without any."""
     far = [f"{u.words} ({u.moved:+.1f})".replace("-", "−") for u in parameters if u.far]
     if not far:

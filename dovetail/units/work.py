@@ -11,7 +11,7 @@ from dovetail.units.pool import Pool
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class WorkStep:
     """A unit that has just ended.
 
     Attributes
@@ -40,7 +40,7 @@ def work_through(
     shared: Any,
     units: Sequence[Unit],
     keep: Callable[[Outcome], None],
-    say: Callable[[Step], None] = lambda step: None,
+    say: Callable[[WorkStep], None] = lambda step: None,
     done: int = 0,
 ) -> tuple[Outcome, ...]:
     """Compute units and keep the outcome of each as it ends; return those that failed.
@@ -75,7 +75,7 @@ def work_through(
                 if outcome.failure:
                     failures.append(outcome)
                 remaining = (time.monotonic() - start_time) / ended * (len(units) - ended)
-                say(Step(outcome, done + ended, total, remaining))
+                say(WorkStep(outcome, done + ended, total, remaining))
     except KeyboardInterrupt:
         msg = f"{done + ended} of {total} are done; the same command continues with the others"
         raise KeyboardInterrupt(msg) from None

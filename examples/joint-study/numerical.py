@@ -20,8 +20,8 @@ from fem.analysis.frf_solver import compute_frf
 from fem.model import DIRECTIONS
 from joint import (
     CoordinateSet,
-    IdentificationError,
     Interface,
+    JointIdentificationError,
     SubstructureFRF,
     coordinates_of,
     couple,
@@ -164,7 +164,7 @@ def run(folder: Path) -> dict[str, float]:
     try:
         identify_average(reduced, FREQUENCY, measured, full_form(reduced.interface.joint))
         refused = 0.0
-    except IdentificationError as reason:
+    except JointIdentificationError as reason:
         print(f"average solution with translations only: {reason}")
         refused = 1.0
 

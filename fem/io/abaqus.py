@@ -17,9 +17,9 @@ import numpy as np
 from fem.io import abaqus_generate as generate
 from fem.io.abaqus_assembly import Assembly, Instance
 from fem.io.abaqus_deck import (
-    Block,
+    AbaqusBlock,
+    AbaqusRows,
     Deck,
-    Rows,
     cells_of,
     check_options,
     left_out_sentence,
@@ -27,10 +27,10 @@ from fem.io.abaqus_deck import (
     table_of,
 )
 from fem.io.abaqus_keywords import CENTRED, HARMLESS, NAMED, READ, REFUSED, SECTIONS, nodes_of
-from fem.io.abaqus_parts import Part, Skipped
-from fem.io.abaqus_sets import Entry
+from fem.io.abaqus_parts import AbaqusPart, Skipped
+from fem.io.abaqus_sets import AbaqusSetEntry
 from fem.io.array_types import Floats, Ints
-from fem.io.deck import Budget, integer, real
+from fem.io.deck import DeckBudget, integer, real
 from fem.io.faults import error_at, refuse
 from fem.io.rawmesh import RawMesh
 from fem.mesh import Mesh, MeshError
@@ -42,15 +42,15 @@ class DeckReader:
 
     path: Path
     deck: Deck = field(init=False)
-    outside: Part = field(default_factory=Part)
-    parts: dict[str, Part] = field(default_factory=dict)
+    outside: AbaqusPart = field(default_factory=AbaqusPart)
+    parts: dict[str, AbaqusPart] = field(default_factory=dict)
     instances: dict[str, Instance] = field(default_factory=dict)
-    budget: Budget = field(default_factory=Budget)
+    budget: DeckBudget = field(default_factory=DeckBudget)
     notes: list[str] = field(default_factory=list)
     named: dict[str, dict[str, list[str]]] = field(default_factory=dict)
     unknown: dict[str, list[str]] = field(default_factory=dict)
-    part: Part = field(init=False)
-    handlers: dict[str, Callable[[Block], None]] = field(init=False)
+    part: AbaqusPart = field(init=False)
+    handlers: dict[str, Callable[[AbaqusBlock], None]] = field(init=False)
 
     def __post_init__(self) -> None:
         self.deck = Deck(self.path)
@@ -86,7 +86,7 @@ class DeckReader:
         self.notes += left_out_sentence("left out, because their meaning is not known", self.unknown)
         return Assembly(self.path.name, self.outside, self.parts, self.instances, self.notes, self.budget)
 
-    def _block(self, block: Block) -> None:
+    def _block(self, block: AbaqusBlock) -> None:
         if block.keyword in READ:
             if not (block.keyword == "ELEMENT" and not nodes_of(block.options.get("TYPE", "").upper())[0]):
                 check_options(block)
@@ -113,7 +113,7 @@ class DeckReader:
     def _name(self, remedy: str, what: str, place: str) -> None:
         self.named.setdefault(remedy, {}).setdefault(what, []).append(_short(place, self.path.name))
 
-    def _refuse_short(self, block: Block) -> None:
+    def _refuse_short(self, block: AbaqusBlock) -> None:
         """Refuse a keyword that may be the short form of one that is read."""
         found = [word for word in READ if len(block.keyword) > 2 and word.startswith(block.keyword)]
         if found:
@@ -122,7 +122,7 @@ class DeckReader:
 
     # Parts --------------------------------------------------------------------------------------------------
 
-    def _begin_part(self, block: Block) -> None:
+    def _begin_part(self, block: AbaqusBlock) -> None:
         name = block.option("NAME", "NAME=")
         if name in self.parts:
             msg = (
@@ -130,9 +130,9 @@ class DeckReader:
                 "give it another name"
             )
             raise MeshError(msg)
-        self.part = self.parts[name] = Part(name, block.place)
+        self.part = self.parts[name] = AbaqusPart(name, block.place)
 
-    def _begin_instance(self, block: Block) -> None:
+    def _begin_instance(self, block: AbaqusBlock) -> None:
         name = block.option("NAME", "NAME=")
         if name in self.instances:
             before = self.instances[name].place
@@ -146,19 +146,19 @@ class DeckReader:
         self.instances[name] = instance
         self.part = instance.extra
 
-    def _end(self, block: Block) -> None:
+    def _end(self, block: AbaqusBlock) -> None:
         self.part = self.outside
 
-    def _system(self, block: Block) -> None:
+    def _system(self, block: AbaqusBlock) -> None:
         self.part.system = generate.system_of(block)
 
     # Nodes and elements -------------------------------------------------------------------------------------
 
-    def parts_of(self, block: Block) -> list[Rows]:
+    def parts_of(self, block: AbaqusBlock) -> list[AbaqusRows]:
         """Return the data lines of a block, with those of its INPUT file before them."""
         return [self.deck.data_file(block), *block.parts] if "INPUT" in block.options else block.parts
 
-    def _nodes(self, block: Block) -> None:
+    def _nodes(self, block: AbaqusBlock) -> None:
         name, system = block.options.get("NSET"), block.options.get("SYSTEM", "")
         if "SPHERICAL".startswith(system or "?"):
             place = _short(block.place, self.path.name)
@@ -176,9 +176,9 @@ class DeckReader:
             xyz = generate.to_global(self.part, generate.from_polar(system, xyz))
             self.part.nodes.add(numbers, xyz, np.asarray(rows.lines), rows.file)
             if name:
-                self.part.sets["NSET"].add(name, Entry(block.place, numbers=numbers))
+                self.part.sets["NSET"].add(name, AbaqusSetEntry(block.place, numbers=numbers))
 
-    def _elements(self, block: Block) -> None:
+    def _elements(self, block: AbaqusBlock) -> None:
         kind = block.option("TYPE", "TYPE=").upper()
         name = block.options.get("ELSET")
         count, more = self._node_count(kind, block)
@@ -191,9 +191,9 @@ class DeckReader:
                 self.part.elements.add(numbers, nodes, lines, rows.file)
                 self._keep_kind(kind, numbers, extra, lines, rows.file)
             if name:
-                self.part.sets["ELSET"].add(name, Entry(block.place, numbers=numbers))
+                self.part.sets["ELSET"].add(name, AbaqusSetEntry(block.place, numbers=numbers))
 
-    def _node_count(self, kind: str, block: Block) -> tuple[int, int]:
+    def _node_count(self, kind: str, block: AbaqusBlock) -> tuple[int, int]:
         """Return the number of nodes of a type, 0 if it is not read, and of those that may follow."""
         return nodes_of(kind)
 
@@ -202,7 +202,7 @@ class DeckReader:
 
     # Sets ---------------------------------------------------------------------------------------------------
 
-    def _set(self, block: Block) -> None:
+    def _set(self, block: AbaqusBlock) -> None:
         sets = self.part.sets[block.keyword]
         name = block.option(block.keyword, f"{block.keyword}=")
         opened = sets.open(name)
@@ -210,23 +210,25 @@ class DeckReader:
         opened.unsorted |= "UNSORTED" in block.options
         instance = block.options.get("INSTANCE", "")
         if block.keyword == "NSET" and "ELSET" in block.options:
-            entry = Entry(block.place, name=block.options["ELSET"], instance=instance, of_elements=True)
+            entry = AbaqusSetEntry(
+                block.place, name=block.options["ELSET"], instance=instance, of_elements=True
+            )
             sets.add(name, entry)
         for rows in self.parts_of(block):
             if "GENERATE" in block.options:
                 for k, text in enumerate(rows.texts):
                     span = _span(cells_of(text), rows.place(k))
-                    sets.add(name, Entry(rows.place(k), span=span, instance=instance))
+                    sets.add(name, AbaqusSetEntry(rows.place(k), span=span, instance=instance))
             else:
                 self._members(block, name, instance, rows)
 
-    def _members(self, block: Block, name: str, instance: str, rows: Rows) -> None:
+    def _members(self, block: AbaqusBlock, name: str, instance: str, rows: AbaqusRows) -> None:
         sets = self.part.sets[block.keyword]
         joined = ",".join(rows.texts)
         if joined.isascii() and joined.replace(",", "").replace(" ", "").isdigit():
             numbers = [int(cell) for cell in joined.split(",") if cell and not cell.isspace()]
             if max(numbers, default=0) < 2**63:
-                sets.add(name, Entry(rows.place(0), numbers=np.array(numbers), instance=instance))
+                sets.add(name, AbaqusSetEntry(rows.place(0), numbers=np.array(numbers), instance=instance))
                 return
         for k, text in enumerate(rows.texts):
             numbers = []
@@ -234,13 +236,13 @@ class DeckReader:
                 if cell.isascii() and cell.isdigit():
                     numbers.append(integer(cell))
                 elif cell and (instance or not sets.take_in(name, name_of(cell), rows.place(k))):
-                    sets.add(name, Entry(rows.place(k), name=name_of(cell), instance=instance))
+                    sets.add(name, AbaqusSetEntry(rows.place(k), name=name_of(cell), instance=instance))
             if numbers:
-                sets.add(name, Entry(rows.place(k), numbers=np.array(numbers), instance=instance))
+                sets.add(name, AbaqusSetEntry(rows.place(k), numbers=np.array(numbers), instance=instance))
 
     # Sections -----------------------------------------------------------------------------------------------
 
-    def _section(self, block: Block) -> None:
+    def _section(self, block: AbaqusBlock) -> None:
         """Name sections whose axis is not at the nodes."""
         shift = [
             f"{k}={v}" for k, v in block.options.items() if k.startswith("OFFSET") and v not in ("0", "0.0")
@@ -276,7 +278,7 @@ def _short(place: str, file: str) -> str:
     return place.removeprefix(f"{file}: ")
 
 
-def _node_rows(rows: Rows, block: Block) -> tuple[Ints, Floats]:
+def _node_rows(rows: AbaqusRows, block: AbaqusBlock) -> tuple[Ints, Floats]:
     """Read nodes line by line: up to three coordinates, and a normal that is left to the study file."""
     numbers, xyz = np.empty(len(rows.texts), dtype=np.int64), np.zeros((len(rows.texts), 3))
     for k, text in enumerate(rows.texts):
@@ -293,7 +295,9 @@ def _node_rows(rows: Rows, block: Block) -> tuple[Ints, Floats]:
     return numbers, xyz
 
 
-def element_rows(rows: Rows, block: Block, kind: str, count: int, more: int) -> tuple[Ints, Ints, Ints, Ints]:
+def element_rows(
+    rows: AbaqusRows, block: AbaqusBlock, kind: str, count: int, more: int
+) -> tuple[Ints, Ints, Ints, Ints]:
     """Return numbers, nodes (n, 3), nodes of orientation and lines of elements.
 
     An element goes on while nodes are missing; a node that an element does not have is -1.
@@ -333,7 +337,7 @@ def element_rows(rows: Rows, block: Block, kind: str, count: int, more: int) -> 
     return numbers, _positive(nodes, count, rows, at), extra, np.asarray(rows.lines)[at]
 
 
-def _positive(nodes: Ints, count: int, rows: Rows, at: Sequence[int]) -> Ints:
+def _positive(nodes: Ints, count: int, rows: AbaqusRows, at: Sequence[int]) -> Ints:
     bad = np.flatnonzero((nodes[:, :count] < 1).any(axis=1))
     if bad.size:
         least = nodes[bad[0], :count].min()
@@ -342,7 +346,7 @@ def _positive(nodes: Ints, count: int, rows: Rows, at: Sequence[int]) -> Ints:
     return nodes
 
 
-def _first_cells(rows: Rows, block: Block) -> tuple[Ints, Ints]:
+def _first_cells(rows: AbaqusRows, block: AbaqusBlock) -> tuple[Ints, Ints]:
     """Return numbers and lines of elements that are no lines; a line that ends in a comma goes on."""
     ends = [text.rstrip().endswith(",") for text in rows.texts]
     begins = range(len(ends)) if all(ends) else [k for k in range(len(ends)) if k == 0 or not ends[k - 1]]

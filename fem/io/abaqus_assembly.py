@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.io.abaqus_parts import Part, Table
-from fem.io.abaqus_sets import Entry, Resolver
+from fem.io.abaqus_parts import AbaqusPart, AbaqusTable
+from fem.io.abaqus_sets import AbaqusSetEntry, Resolver
 from fem.io.array_types import Floats, Ints
-from fem.io.deck import Budget, named
+from fem.io.deck import DeckBudget, named
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
@@ -35,7 +35,7 @@ class Instance:
     place: str = ""
     turn: Floats = field(default_factory=lambda: np.eye(3))
     shift: Floats = field(default_factory=lambda: np.zeros(3))
-    extra: Part = field(default_factory=Part)
+    extra: AbaqusPart = field(default_factory=AbaqusPart)
 
 
 class _Rows:
@@ -73,18 +73,18 @@ class Assembly:
     """
 
     file: str
-    outside: Part
-    parts: dict[str, Part]
+    outside: AbaqusPart
+    parts: dict[str, AbaqusPart]
     instances: dict[str, Instance]
     notes: list[str]
-    budget: Budget
+    budget: DeckBudget
     _placed: set[str] = field(default_factory=set)
     _counts: tuple[int, int] = (0, 0)
     _points: list[Floats] = field(default_factory=list)
     _lines: list[Ints] = field(default_factory=list)
     _numbers: tuple[list[Ints], list[Ints]] = field(default_factory=lambda: ([], []))
     _rows: dict[str, dict[str, _Rows]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
-    _owned: dict[str, tuple[Instance, list[Part]]] = field(default_factory=dict)
+    _owned: dict[str, tuple[Instance, list[AbaqusPart]]] = field(default_factory=dict)
     _resolvers: dict[str, Resolver] = field(default_factory=dict)
 
     def mesh(self) -> RawMesh:
@@ -116,11 +116,11 @@ class Assembly:
         raw.notes = [note.replace(f"{self.file}: line ", "line ") for note in raw.notes]
         return raw
 
-    def owners_of(self, part: Part) -> list[Instance]:
+    def owners_of(self, part: AbaqusPart) -> list[Instance]:
         """Return the instances of a part, after :meth:`mesh`; that without a name is the deck's outside."""
         return [instance for instance, parts in self._owned.values() if any(p is part for p in parts)]
 
-    def elements_of_owners(self) -> Iterator[tuple[str, list[int], list[Part]]]:
+    def elements_of_owners(self) -> Iterator[tuple[str, list[int], list[AbaqusPart]]]:
         """Give owners, the numbers of their elements in the order of the mesh's rows, and their parts."""
         for (owner, (_, parts)), numbers in zip(self._owned.items(), self._numbers[1], strict=True):
             yield owner, numbers.tolist(), parts
@@ -134,7 +134,7 @@ class Assembly:
             rows = self._rows[keyword][owner].of(np.array([int(label)]))
             return rows if rows[0] >= 0 else None
         resolver = self._resolvers[keyword]
-        found = resolver.owner_of(owner, Entry(self.file, name=label))
+        found = resolver.owner_of(owner, AbaqusSetEntry(self.file, name=label))
         if found is None:
             return None
         if isinstance(found[1], int):
@@ -159,9 +159,9 @@ class Assembly:
         }
         return sets, _unknown(found.unknown)
 
-    def _owners(self) -> dict[str, tuple[Instance, list[Part]]]:
+    def _owners(self) -> dict[str, tuple[Instance, list[AbaqusPart]]]:
         """Return the instances, or the parts where there are none, each with its parts."""
-        owners: dict[str, tuple[Instance, list[Part]]] = {}
+        owners: dict[str, tuple[Instance, list[AbaqusPart]]] = {}
         for name, instance in self.instances.items():
             part = self.parts.get(instance.part)
             if part is None:
@@ -179,7 +179,7 @@ class Assembly:
         owners[""] = (Instance("", ""), [self.outside])
         return owners
 
-    def _place(self, owner: str, instance: Instance, parts: list[Part], redefined: list[str]) -> None:
+    def _place(self, owner: str, instance: Instance, parts: list[AbaqusPart], redefined: list[str]) -> None:
         """Add a part to the mesh, turned and moved to its place."""
         filled = [part for part in reversed(parts) if not part.empty()]
         nodes = _merged("node", float, [p.nodes for p in filled], redefined)
@@ -217,7 +217,7 @@ class Assembly:
         self._numbers[0].append(nodes[0])
         self._numbers[1].append(elements[0])
 
-    def _name_sets(self, raw: RawMesh, owners: dict[str, tuple[Instance, list[Part]]]) -> None:
+    def _name_sets(self, raw: RawMesh, owners: dict[str, tuple[Instance, list[AbaqusPart]]]) -> None:
         elements = self._resolver("ELSET", owners, raw.lines)
         nodes = self._resolver("NSET", owners, raw.lines, elements)
         self._resolvers = {"ELSET": elements, "NSET": nodes}
@@ -239,7 +239,7 @@ class Assembly:
     def _resolver(
         self,
         keyword: str,
-        owners: dict[str, tuple[Instance, list[Part]]],
+        owners: dict[str, tuple[Instance, list[AbaqusPart]]],
         lines: Ints,
         elements: Resolver | None = None,
     ) -> Resolver:
@@ -265,7 +265,7 @@ class Assembly:
         )
 
 
-def _lines_and_others(numbers: Ints, place: Callable[[int], str], parts: list[Part]) -> list[str]:
+def _lines_and_others(numbers: Ints, place: Callable[[int], str], parts: list[AbaqusPart]) -> list[str]:
     """Return sentences on numbers that a line and an element of another type have."""
     notes: list[str] = []
     for skipped in (skipped for part in parts for skipped in part.skipped):
@@ -280,10 +280,10 @@ def _lines_and_others(numbers: Ints, place: Callable[[int], str], parts: list[Pa
 
 
 def _merged(
-    word: str, dtype: type, tables: list[Table], notes: list[str]
+    word: str, dtype: type, tables: list[AbaqusTable], notes: list[str]
 ) -> tuple[Ints, NDArray, Callable[[int], str]]:
     """Return numbers, values and a function for the place of a row, of tables whose last one counts."""
-    table = tables[0] if len(tables) == 1 else Table(word, dtype)
+    table = tables[0] if len(tables) == 1 else AbaqusTable(word, dtype)
     for one in tables if len(tables) > 1 else ():
         table.extend(one)
     numbers, rows = table.unique(notes)

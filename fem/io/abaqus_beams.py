@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.io.abaqus_content import Content, Placed, check, data, lines_of, numbers_of, read_integer
-from fem.io.abaqus_deck import Block, fault
+from fem.io.abaqus_deck import AbaqusBlock, fault
 from fem.io.abaqus_materials import Materials
-from fem.io.abaqus_sections import ABAQUS_K, SHAPES, Shape, arbitrary
+from fem.io.abaqus_sections import ABAQUS_K, SHAPES, AbaqusShape, arbitrary
 from fem.io.array_types import Floats
 from fem.io.deck import real
 from fem.io.frame_sections import material_of, of_constants, rod, with_shear
@@ -30,8 +30,8 @@ class Beam(NamedTuple):
     offset : (float, float), from the nodes to the centroid, along 1 and 2 [m]
     """
 
-    block: Block
-    shape: Shape
+    block: AbaqusBlock
+    shape: AbaqusShape
     material: Material
     n1: Floats | None = None
     offset: tuple[float, float] = (0.0, 0.0)
@@ -72,7 +72,7 @@ class BeamReader:
         if not area > 0:
             raise fault(block, f"has the area {area:g} m²; it must be positive")
         return Beam(
-            block, Shape(rod(area)), self.materials.find(block.option("MATERIAL", "MATERIAL="), block)
+            block, AbaqusShape(rod(area)), self.materials.find(block.option("MATERIAL", "MATERIAL="), block)
         )
 
     def beam(self, placed: Placed) -> Beam:
@@ -106,7 +106,7 @@ class BeamReader:
         self._note(placed, kind, shape.section)
         return Beam(block, shape, mat, self._n1(block, n1), self._offset(placed, kind, shape))
 
-    def _section_lines(self, block: Block, kind: str, rows: Lines) -> int:
+    def _section_lines(self, block: AbaqusBlock, kind: str, rows: Lines) -> int:
         """Return the number of lines with dimensions."""
         if kind not in ("GENERAL", "ARBITRARY", *SHAPES):
             allowed = ", ".join([*SHAPES, "ARBITRARY", "GENERAL"])
@@ -120,14 +120,14 @@ class BeamReader:
             raise fault(block, f"has {count} segments and {len(rows)} data lines", rows[0][0])
         return count
 
-    def _shape(self, block: Block, kind: str, rows: Lines, nu: float) -> Shape:
+    def _shape(self, block: AbaqusBlock, kind: str, rows: Lines, nu: float) -> AbaqusShape:
         units = self.content.units
         place, cells = rows[0]
         try:
             if kind == "GENERAL":
                 v = numbers_of(block, place, cells, 5, 7, "A, I11, I12, I22, J")
                 I11, I12, I22, J = np.array(v[1:5]) * units.second_moment
-                return Shape(of_constants("GENERAL", v[0] * units.area, (I11, I22, I12), J, (1.0, 1.0)))
+                return AbaqusShape(of_constants("GENERAL", v[0] * units.area, (I11, I22, I12), J, (1.0, 1.0)))
             if kind == "ARBITRARY":
                 first = numbers_of(block, place, cells[1:], 5, 5, "the ends of a segment and its thickness")
                 others = [numbers_of(block, p, c, 3, 3, "an end and a thickness") for p, c in rows[1:]]
@@ -140,7 +140,7 @@ class BeamReader:
         except PropertyError as reason:
             raise fault(block, f": {reason}", place) from reason
 
-    def _n1(self, block: Block, rows: Lines) -> Floats | None:
+    def _n1(self, block: AbaqusBlock, rows: Lines) -> Floats | None:
         if not rows:
             return None
         place, cells = rows[0]
@@ -189,7 +189,7 @@ class BeamReader:
             raise fault(block, "is negative")
         return with_shear(section, factor, (ky, kz))
 
-    def _offset(self, placed: Placed, kind: str, shape: Shape) -> tuple[float, float]:
+    def _offset(self, placed: Placed, kind: str, shape: AbaqusShape) -> tuple[float, float]:
         """Return the centroid of the shape or of *CENTROID, and what OFFSET1 and OFFSET2 of CalculiX add.
 
         These are the place of the nodes from the axis, in thicknesses (seen with ccx 2.20).

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from fem.io.abaqus_content import Content, lines_of, read_content
-from fem.io.abaqus_deck import Block, Deck, cells_of, name_of
+from fem.io.abaqus_deck import AbaqusBlock, Deck, cells_of, name_of
 from fem.io.abaqus_frame import read_abaqus_frame
 from fem.io.abaqus_supports import dofs_of_row
-from fem.io.abaqus_systems import Systems
+from fem.io.abaqus_systems import AbaqusSystems
 from fem.io.abaqus_write import keywords, row, section_keywords, with_ends
 from fem.io.deck import real, words
 from fem.io.deck_nodes import bar_axes, directions_in, wrapped
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import Bars, Body, Connection
 from fem.io.frame_of_model import ModelDeck
 from fem.io.source_changes import (
@@ -47,7 +47,7 @@ OWN = -2
 """Instead of a variant: elements that are written with a section of their own."""
 
 
-def abaqus_changes(model_deck: ModelDeck, path: Path, units: Units) -> DeckEdit:
+def abaqus_changes(model_deck: ModelDeck, path: Path, units: DeckUnits) -> DeckEdit:
     """Return the keywords that make a deck of Abaqus or CalculiX that of a model.
 
     Arguments are those of :func:`fem.io.nastran_changes.nastran_changes`.
@@ -71,13 +71,13 @@ def abaqus_changes(model_deck: ModelDeck, path: Path, units: Units) -> DeckEdit:
         "name": 1 + max(map(int, ends), default=0),
     }
     changes = source_changes(model_deck, read_abaqus_frame(path, units), first)
-    return _Writer(blocks, content, changes).edit()
+    return _AbaqusWriter(blocks, content, changes).edit()
 
 
-class _Writer:
+class _AbaqusWriter:
     """The keywords of changes."""
 
-    def __init__(self, blocks: list[Block], content: Content, changes: SourceChanges) -> None:
+    def __init__(self, blocks: list[AbaqusBlock], content: Content, changes: SourceChanges) -> None:
         self.blocks, self.content, self.changes, self.u = blocks, content, changes, content.units
         self.out = DeckEdit("**")
         self.texts: dict[str, list[str]] = {b.file: b.source.text.split("\n") for b in blocks}
@@ -90,7 +90,7 @@ class _Writer:
     def edit(self) -> DeckEdit:
         """Return the keywords."""
         c = self.changes
-        systems = Systems(self.content)
+        systems = AbaqusSystems(self.content)
         deck = self._removed(replace(c.deck, axes=dict(systems.nodal)))
         for name, material in c.materials.items():
             self._material_in_place(name, material)
@@ -111,7 +111,7 @@ class _Writer:
 
     # Lines --------------------------------------------------------------------------------------------------
 
-    def _lines(self, block: Block) -> tuple[int, ...]:
+    def _lines(self, block: AbaqusBlock) -> tuple[int, ...]:
         """Return the lines of a block in its file, comments within it too."""
         data = [int(p.rsplit(" ", 1)[-1]) for p, _ in block.rows() if p.startswith(f"{block.file}: ")]
         last = block.line
@@ -124,18 +124,18 @@ class _Writer:
             last += 1
         return tuple(range(block.line, max([last, *data]) + 1))
 
-    def _text(self, block: Block, **options: str) -> list[str]:
+    def _text(self, block: AbaqusBlock, **options: str) -> list[str]:
         """Return the lines of a block, with other values of some of its parameters."""
         head = ", ".join(
             [f"*{block.name}", *(f"{k}={v}" if v else k for k, v in ({**block.options, **options}).items())]
         )
         return [head, *(", ".join(cells) for _, cells in block.rows())]
 
-    def _replace(self, block: Block, *by: str) -> None:
+    def _replace(self, block: AbaqusBlock, *by: str) -> None:
         label = next((f", {k}={block.options[k]}" for k in ("NAME", "ELSET") if k in block.options), "")
         self.out.replace(SourceCard(f"*{block.name}{label}", block.file, self._lines(block)), by=by)
 
-    def _after(self, block: Block, kinds: Collection[str]) -> list[Block]:
+    def _after(self, block: AbaqusBlock, kinds: Collection[str]) -> list[AbaqusBlock]:
         """Return the blocks that follow one and belong to it."""
         at = next(k for k, b in enumerate(self.blocks) if b.line == block.line and b.file == block.file)
         out = []
@@ -147,7 +147,7 @@ class _Writer:
 
     # Materials ----------------------------------------------------------------------------------------------
 
-    def _material_block(self, name: str) -> Block | None:
+    def _material_block(self, name: str) -> AbaqusBlock | None:
         return next(
             (
                 b
@@ -201,7 +201,7 @@ class _Writer:
 
     # Sections -----------------------------------------------------------------------------------------------
 
-    def _kinds(self, section_of: dict[int, Block]) -> dict[int, int]:
+    def _kinds(self, section_of: dict[int, AbaqusBlock]) -> dict[int, int]:
         """Return the variant of each changed element, -1 where its section stays, or OWN."""
         c, out = self.changes, {}
         rows = defaultdict(list)
@@ -226,7 +226,7 @@ class _Writer:
             out[n] = found
         return out
 
-    def _is_settled(self, v: Variant, section: Block) -> bool:
+    def _is_settled(self, v: Variant, section: AbaqusBlock) -> bool:
         """Whether a changed property is that of a material which is replaced.
 
         Shear stiffnesses and constants of a section do not follow its material.
@@ -239,7 +239,7 @@ class _Writer:
             of == name == called and same_material(m, v.new.material) for of, m, called in self.made
         )
 
-    def _section(self, section: int, block: Block, groups: dict[int, list[int]]) -> None:
+    def _section(self, section: int, block: AbaqusBlock, groups: dict[int, list[int]]) -> None:
         """Replace a section by those of the groups of its elements."""
         if not set(groups) - {-1}:
             return
@@ -262,7 +262,7 @@ class _Writer:
                 )
 
     def _changed_section(
-        self, block: Block, more: list[Block], v: Variant, name: str, numbers: list[int]
+        self, block: AbaqusBlock, more: list[AbaqusBlock], v: Variant, name: str, numbers: list[int]
     ) -> Iterator[str]:
         old = self.changes.source.properties[v.source]
         yield from wrapped("**", v.new.name)
@@ -299,7 +299,7 @@ class _Writer:
 
     # Elements -----------------------------------------------------------------------------------------------
 
-    def _elements(self, deck: ModelDeck, kind_of: dict[int, int], section_of: dict[int, Block]) -> None:
+    def _elements(self, deck: ModelDeck, kind_of: dict[int, int], section_of: dict[int, AbaqusBlock]) -> None:
         """Write elements with other nodes, and those with sections of their own, with all that is new."""
         c = self.changes
         own = [
@@ -407,7 +407,7 @@ class _Writer:
             connections=tuple(c for c in deck.connections if c not in gone),
         )
 
-    def _user(self, kind: str, number: int) -> Block | None:
+    def _user(self, kind: str, number: int) -> AbaqusBlock | None:
         """Return the block that gives an element of one or two nodes its value."""
         word = {"MASS": "MASS", "ROTARYI": "ROTARYINERTIA"}.get(kind, kind[:-1])
         for placed, instance in self.content.model_data(word):
@@ -415,7 +415,7 @@ class _Writer:
                 return placed.block
         return None
 
-    def _is_alone(self, block: Block, number: int) -> bool:
+    def _is_alone(self, block: AbaqusBlock, number: int) -> bool:
         for placed, instance in self.content.model_data(block.keyword):
             if placed.block is block:
                 return self.content.elements(placed, instance.name) == [self.row_of[number]]
@@ -444,7 +444,7 @@ class _Writer:
         """Replace the lines of *BOUNDARY that fix directions which are free now."""
         numbers = np.asarray(self.content.mesh.point_numbers)
         rows = {int(n): k for k, n in enumerate(numbers)}
-        axes = Systems(self.content).nodal
+        axes = AbaqusSystems(self.content).nodal
         free: dict[int, set[int]] = {}
         for n, directions in self.changes.freed.items():
             along = directions_in(axes.get(rows[n], np.eye(3)), directions)

@@ -6,8 +6,8 @@ import numpy as np
 
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import Content, Placed, check, dofs_of, lines_of, numbers_of, read_integer
-from fem.io.abaqus_deck import Block, fault, name_of
-from fem.io.abaqus_systems import Systems
+from fem.io.abaqus_deck import AbaqusBlock, fault, name_of
+from fem.io.abaqus_systems import AbaqusSystems
 from fem.io.array_types import Floats
 from fem.io.faults import error_at
 from fem.io.frame_deck import Equation, Link
@@ -20,7 +20,7 @@ class ConstraintBuilder:
     """Reads constraints."""
 
     content: Content
-    systems: Systems
+    systems: AbaqusSystems
     found: Constraints = field(init=False)
 
     def __post_init__(self) -> None:
@@ -93,7 +93,9 @@ class ConstraintBuilder:
                 raise fault(block, words, place)
             self._one_equation(block, place, instance, [given[3 * j : 3 * j + 3] for j in range(count)])
 
-    def _one_equation(self, block: Block, place: str, instance: Instance, terms: list[list[str]]) -> None:
+    def _one_equation(
+        self, block: AbaqusBlock, place: str, instance: Instance, terms: list[list[str]]
+    ) -> None:
         sets: list[list[int]] = []
         factors: list[tuple[int, float]] = []
         for label, dof, value in terms:
@@ -164,7 +166,7 @@ class ConstraintBuilder:
 
     def _distribute(
         self,
-        block: Block,
+        block: AbaqusBlock,
         name: str,
         node: int,
         members: list[tuple[int, float]],

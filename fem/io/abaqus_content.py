@@ -11,13 +11,13 @@ import numpy as np
 from fem.io import abaqus_frame_keywords as known
 from fem.io.abaqus import DeckReader
 from fem.io.abaqus_assembly import Assembly, Instance
-from fem.io.abaqus_deck import Block, Rows, cells_of, fault, name_of
+from fem.io.abaqus_deck import AbaqusBlock, AbaqusRows, cells_of, fault, name_of
 from fem.io.abaqus_keywords import HARMLESS, READ, REFUSED, nodes_of
 from fem.io.abaqus_parts import LARGEST as LARGEST_NUMBER
-from fem.io.abaqus_parts import Part
+from fem.io.abaqus_parts import AbaqusPart
 from fem.io.array_types import Floats, Ints
 from fem.io.deck import integer, named, real
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.faults import error_at, refuse
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
@@ -42,10 +42,10 @@ class Kind(NamedTuple):
 class Placed:
     """A keyword block: its part, its step (0 is model data), and the blocks that belong to it."""
 
-    block: Block
-    part: Part
+    block: AbaqusBlock
+    part: AbaqusPart
     step: int
-    subs: dict[str, Block] = field(default_factory=dict)
+    subs: dict[str, AbaqusBlock] = field(default_factory=dict)
 
     @property
     def keyword(self) -> str:
@@ -58,7 +58,7 @@ class FrameReader(DeckReader):
     """The state while a deck is read for a frame model: the mesh, types of elements, and other keywords."""
 
     step: int = 0
-    procedures: dict[int, Block] = field(default_factory=dict)
+    procedures: dict[int, AbaqusBlock] = field(default_factory=dict)
     kinds: dict[int, dict[int, Kind]] = field(default_factory=dict)
     placed: list[Placed] = field(default_factory=list)
     stand_ins: dict[str, int] = field(default_factory=dict)
@@ -68,7 +68,7 @@ class FrameReader(DeckReader):
         for keyword in ("ELGEN", "ELCOPY"):
             self.handlers[keyword] = partial(self._generated, self.handlers[keyword])
 
-    def _block(self, block: Block) -> None:
+    def _block(self, block: AbaqusBlock) -> None:
         key = block.keyword
         if key in READ or key in REFUSED:
             DeckReader._block(self, block)
@@ -91,7 +91,7 @@ class FrameReader(DeckReader):
             self._refuse_short(block)
             self.unknown.setdefault(f"*{block.name[:40]}", []).append(f"line {block.line}")
 
-    def _add_to_last(self, block: Block) -> None:
+    def _add_to_last(self, block: AbaqusBlock) -> None:
         last = self.placed[-1] if self.placed else None
         if last is None or last.keyword not in known.SUBS[block.keyword]:
             raise fault(block, f"follows none of {', '.join(sorted(known.SUBS[block.keyword]))}")
@@ -100,7 +100,7 @@ class FrameReader(DeckReader):
             raise fault(block, f"comes a second time, after {subs[block.keyword].place}")
         subs[block.keyword] = block
 
-    def _nodes(self, block: Block) -> None:
+    def _nodes(self, block: AbaqusBlock) -> None:
         for place, cells in block.rows():
             if len(cells) > 4 and any(cells[4:]):
                 raise error_at(
@@ -108,11 +108,11 @@ class FrameReader(DeckReader):
                 )
         DeckReader._nodes(self, block)
 
-    def parts_of(self, block: Block) -> list[Rows]:
+    def parts_of(self, block: AbaqusBlock) -> list[AbaqusRows]:
         """Return the data lines of a block, with distinct numbers for the nodes of instances."""
         found = DeckReader.parts_of(self, block)
         if block.keyword == "ELEMENT" and self.part is self.outside:
-            return [Rows(rows.file, [*map(self._numbered, rows.texts)], rows.lines) for rows in found]
+            return [AbaqusRows(rows.file, [*map(self._numbered, rows.texts)], rows.lines) for rows in found]
         return found
 
     def _numbered(self, text: str) -> str:
@@ -126,7 +126,7 @@ class FrameReader(DeckReader):
                 self.stand_ins.setdefault(label, LARGEST_NUMBER - len(self.stand_ins))
         return ", ".join([number, *(str(self.stand_ins.get(label, label)) for label in labels)])
 
-    def _node_count(self, kind: str, block: Block) -> tuple[int, int]:
+    def _node_count(self, kind: str, block: AbaqusBlock) -> tuple[int, int]:
         count, more = nodes_of(kind) if kind in known.LINES else (known.POINTS.get(kind, 0), 0)
         if not count:
             msg = (
@@ -141,7 +141,7 @@ class FrameReader(DeckReader):
         for number, node, line in zip(numbers.tolist(), extra.tolist(), lines.tolist(), strict=True):
             kinds[number] = Kind(kind, max(node, 0), f"{file}: line {line}")
 
-    def _generated(self, copy: Callable[[Block], None], block: Block) -> None:
+    def _generated(self, copy: Callable[[AbaqusBlock], None], block: AbaqusBlock) -> None:
         """Copy elements, which have the type of the part's elements before them."""
         kinds = self.kinds.setdefault(id(self.part), {})
         types = {kind.name for kind in kinds.values() if kind.name in known.LINES}
@@ -170,11 +170,11 @@ class Content:
     """
 
     file: str
-    units: Units
+    units: DeckUnits
     assembly: Assembly
     mesh: RawMesh
     placed: list[Placed]
-    procedures: dict[int, Block]
+    procedures: dict[int, AbaqusBlock]
     points: Floats
     kinds: list[Kind]
     owners: list[str]
@@ -245,7 +245,7 @@ class Content:
         return bool(np.linalg.norm(self.points[a] - self.points[b]) <= SAME_PLACE * self.size)
 
 
-def read_content(path: Path, units: Units) -> Content:
+def read_content(path: Path, units: DeckUnits) -> Content:
     """Read a deck."""
     reader = FrameReader(path)
     assembly = reader.read()
@@ -299,7 +299,9 @@ def _resolved(assembly: Assembly, mesh: RawMesh, labels: list[str]) -> dict[int,
     return found
 
 
-def numbers_of(block: Block, place: str, cells: list[str], least: int, most: int, what: str) -> list[float]:
+def numbers_of(
+    block: AbaqusBlock, place: str, cells: list[str], least: int, most: int, what: str
+) -> list[float]:
     """Return the numbers of a data line."""
     if not least <= len(cells) <= most:
         count = f"{least}" if least == most else f"{least} to {most}"
@@ -314,7 +316,9 @@ def numbers_of(block: Block, place: str, cells: list[str], least: int, most: int
     return values
 
 
-def data(block: Block, k: int, least: int, most: int, what: str, taken: int | None = None) -> list[float]:
+def data(
+    block: AbaqusBlock, k: int, least: int, most: int, what: str, taken: int | None = None
+) -> list[float]:
     """Return the numbers of the k-th data line that is not empty, or the first ones of them."""
     rows = lines_of(block)
     if len(rows) <= k:
@@ -323,7 +327,7 @@ def data(block: Block, k: int, least: int, most: int, what: str, taken: int | No
     return numbers_of(block, place, cells[:taken], least, most, what)
 
 
-def read_integer(block: Block, place: str, cell: str, what: str) -> int:
+def read_integer(block: AbaqusBlock, place: str, cell: str, what: str) -> int:
     """Return a whole number."""
     try:
         return integer(cell)
@@ -331,7 +335,7 @@ def read_integer(block: Block, place: str, cell: str, what: str) -> int:
         raise fault(block, f"takes {what}, but {reason}", place) from reason
 
 
-def dofs_of(block: Block, place: str, cells: list[str]) -> range:
+def dofs_of(block: AbaqusBlock, place: str, cells: list[str]) -> range:
     """Return the degrees of freedom from a first to a last one, counted from 0; all without any.
 
     Those from 7 on (warping, temperature) are left out.
@@ -343,7 +347,7 @@ def dofs_of(block: Block, place: str, cells: list[str]) -> range:
     return range(first - 1, min(last, 6))
 
 
-def check(block: Block, *allowed: str) -> None:
+def check(block: AbaqusBlock, *allowed: str) -> None:
     """Refuse the parameters of a keyword that are not read."""
     for key in block.options:
         if key not in allowed:
@@ -352,6 +356,6 @@ def check(block: Block, *allowed: str) -> None:
             )
 
 
-def lines_of(block: Block) -> list[tuple[str, list[str]]]:
+def lines_of(block: AbaqusBlock) -> list[tuple[str, list[str]]]:
     """Return place and cells of the data lines that are not empty."""
     return [(place, cells) for place, cells in block.rows() if any(cells)]

@@ -17,7 +17,7 @@ from fem.mesh import MeshError
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class AbaqusRows:
     """Data lines of one file: their texts, and the number of each in the file."""
 
     file: str
@@ -30,7 +30,7 @@ class Rows:
 
 
 @dataclass(slots=True)
-class Block:
+class AbaqusBlock:
     """A keyword with its parameters and data lines.
 
     Attributes
@@ -48,7 +48,7 @@ class Block:
     file: str
     line: int
     source: DeckFile
-    parts: list[Rows] = field(default_factory=list)
+    parts: list[AbaqusRows] = field(default_factory=list)
 
     @property
     def place(self) -> str:
@@ -68,7 +68,7 @@ class Block:
         return self.options[key]
 
 
-def fault(block: Block, words: str, place: str = "") -> MeshError:
+def fault(block: AbaqusBlock, words: str, place: str = "") -> MeshError:
     """Return an error of a keyword, at its line or that of its data."""
     between = "" if words.startswith(":") else " "
     return MeshError(f"{place or block.place}: *{block.name}{between}{words}")
@@ -87,19 +87,19 @@ class Deck:
     path: Path
     loose: int = 0
     files: Files = field(init=False)
-    _open: Block | None = None
+    _open: AbaqusBlock | None = None
 
     def __post_init__(self) -> None:
         self.files = Files(self.path)
 
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[AbaqusBlock]:
         """Give the blocks."""
         yield from self._blocks(self.files.first())
         if self._open is not None:
             yield self._open
             self._open = None
 
-    def _blocks(self, file: DeckFile) -> Iterator[Block]:
+    def _blocks(self, file: DeckFile) -> Iterator[AbaqusBlock]:
         lines = file.text.split("\n")
         stars = [k for k, line in enumerate(lines) if "*" in line and line.lstrip()[:1] == "*"]
         comments = [k for k in stars if lines[k].lstrip()[1:2] == "*"]
@@ -110,7 +110,7 @@ class Deck:
         for head, after in pairwise([*heads, len(lines)]):
             text, start = _joined_head(lines, head, after)
             name, options = split_keyword(text)
-            block = Block(name, keyword_of(name), options, file.name, head + 1, file)
+            block = AbaqusBlock(name, keyword_of(name), options, file.name, head + 1, file)
             if block.keyword == "INCLUDE":
                 check_options(block)
                 inner = self.files.include(options.get("INPUT", ""), file, head + 1)
@@ -122,7 +122,7 @@ class Deck:
             blanks = self._open is not None and self._open.keyword in BLANK_LINES
             self._data(file, _rows(file.name, lines, start, after, comments, blanks))
 
-    def _data(self, file: DeckFile, rows: Rows) -> None:
+    def _data(self, file: DeckFile, rows: AbaqusRows) -> None:
         if not rows.texts:
             return
         if self._open is None:
@@ -130,7 +130,7 @@ class Deck:
         else:
             self._open.parts.append(rows)
 
-    def data_file(self, block: Block) -> Rows:
+    def data_file(self, block: AbaqusBlock) -> AbaqusRows:
         """Return the data lines of the file that a block's ``INPUT`` names."""
         file = self.files.include(block.options["INPUT"], block.source, block.line)
         lines = file.text.split("\n")
@@ -148,25 +148,25 @@ class Deck:
 
 def _rows(
     file: str, lines: list[str], start: int, stop: int, comments: list[int], blanks: bool = False
-) -> Rows:
+) -> AbaqusRows:
     """Return the lines from start to stop that are neither comments nor, unless ``blanks``, empty."""
     texts = lines[start:stop]
     if blanks:
         numbers = [k for k, text in enumerate(texts, start=start + 1) if text.lstrip()[:2] != "**"]
-        return Rows(file, [lines[k - 1] for k in numbers], numbers)
+        return AbaqusRows(file, [lines[k - 1] for k in numbers], numbers)
     kept = [text for text in texts if text and not text.isspace()]
     first = bisect_left(comments, start)
     skip = first < len(comments) and comments[first] < stop
     if len(kept) == len(texts) and not skip:
-        return Rows(file, texts, range(start + 1, stop + 1))
+        return AbaqusRows(file, texts, range(start + 1, stop + 1))
     if not skip and texts[: len(kept)] == kept:  # empty lines at the end
-        return Rows(file, kept, range(start + 1, start + 1 + len(kept)))
+        return AbaqusRows(file, kept, range(start + 1, start + 1 + len(kept)))
     numbers = [
         k
         for k, text in enumerate(texts, start=start + 1)
         if text and not text.isspace() and text.lstrip()[:2] != "**"
     ]
-    return Rows(file, [lines[k - 1] for k in numbers], numbers)
+    return AbaqusRows(file, [lines[k - 1] for k in numbers], numbers)
 
 
 def _joined_head(lines: list[str], head: int, after: int) -> tuple[str, int]:
@@ -224,7 +224,7 @@ def split_keyword(line: str) -> tuple[str, dict[str, str]]:
     return " ".join(word.upper().split()), options
 
 
-def check_options(block: Block) -> None:
+def check_options(block: AbaqusBlock) -> None:
     """Write the parameters of a keyword that is read in full, and refuse those that are not."""
     allowed = READ[block.keyword]
     options: dict[str, str] = {}

@@ -15,18 +15,18 @@ from fem.io.abaqus_bars import BarBuilder
 from fem.io.abaqus_beams import BeamReader
 from fem.io.abaqus_constraints import ConstraintBuilder
 from fem.io.abaqus_content import Content, read_content
-from fem.io.abaqus_deck import Block, Deck
+from fem.io.abaqus_deck import AbaqusBlock, Deck
 from fem.io.abaqus_materials import Materials
 from fem.io.abaqus_points import PointBuilder
 from fem.io.abaqus_supports import fixed_of
-from fem.io.abaqus_systems import Systems
-from fem.io.deck_units import Units
+from fem.io.abaqus_systems import AbaqusSystems
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import Bars, FrameDeck
 from fem.io.frame_parts import supports_of
 from fem.mesh import MeshError
 
 
-def read_abaqus_frame(path: Path, units: Units) -> FrameDeck:
+def read_abaqus_frame(path: Path, units: DeckUnits) -> FrameDeck:
     """Read the frame model of an Abaqus or CalculiX input file.
 
     Supports are those of the model data, and of the steps up to the first one that asks for natural
@@ -48,7 +48,7 @@ def read_abaqus_frame(path: Path, units: Units) -> FrameDeck:
     if not _has_sections(path):
         return _mesh_alone(path, units)
     content = read_content(path, units)
-    systems, materials = Systems(content), Materials(content)
+    systems, materials = AbaqusSystems(content), Materials(content)
     bars, properties = BarBuilder(content, BeamReader(content, materials)).build()
     points = PointBuilder(content, systems)
     links, equations = ConstraintBuilder(content, systems).build()
@@ -84,7 +84,7 @@ def _has_sections(path: Path) -> bool:
     return solid and truss
 
 
-def _mesh_alone(path: Path, units: Units) -> FrameDeck:
+def _mesh_alone(path: Path, units: DeckUnits) -> FrameDeck:
     raw = read_abaqus(path)
     ends = np.asarray(raw.lines, dtype=np.int64)[:, :2]
     n = len(ends)
@@ -105,7 +105,7 @@ def _mesh_alone(path: Path, units: Units) -> FrameDeck:
     )
 
 
-def _fix_plane(content: Content, fixed: dict[int, dict[int, Block]]) -> None:
+def _fix_plane(content: Content, fixed: dict[int, dict[int, AbaqusBlock]]) -> None:
     """Fix z, rx and ry of all nodes where the elements are planar."""
     lines = [kind for kind in content.kinds if kind.name in known.LINES]
     planar = [kind for kind in lines if kind.name in known.PLANAR]

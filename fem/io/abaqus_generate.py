@@ -10,11 +10,11 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fem.io.abaqus_deck import Block, name_of
-from fem.io.abaqus_parts import Part, Skipped
-from fem.io.abaqus_sets import Entry
+from fem.io.abaqus_deck import AbaqusBlock, name_of
+from fem.io.abaqus_parts import AbaqusPart, Skipped
+from fem.io.abaqus_sets import AbaqusSetEntry
 from fem.io.array_types import Floats, Ints
-from fem.io.deck import Budget, integer, real
+from fem.io.deck import DeckBudget, integer, real
 from fem.io.faults import error_at, refuse
 from fem.mesh import MeshError
 
@@ -60,7 +60,7 @@ def from_polar(kind: str, xyz: Floats) -> Floats:
     refuse(f"SYSTEM={kind} is not allowed; R, C and S are")
 
 
-def system_of(block: Block) -> tuple[Floats, Floats] | None:
+def system_of(block: AbaqusBlock) -> tuple[Floats, Floats] | None:
     """Return the axes, in rows, and the origin that ``*SYSTEM`` gives; None for the global system.
 
     With one point the axes are global. With two, z stays global and x is the direction between them, laid
@@ -93,7 +93,7 @@ def system_of(block: Block) -> tuple[Floats, Floats] | None:
     return np.stack([x, np.cross(z, x), z]), a
 
 
-def to_global(part: Part, xyz: Floats) -> Floats:
+def to_global(part: AbaqusPart, xyz: Floats) -> Floats:
     """Return global coordinates of those in the system that is in effect."""
     if part.system is None:
         return xyz
@@ -104,7 +104,7 @@ def to_global(part: Part, xyz: Floats) -> Floats:
 # Nodes ------------------------------------------------------------------------------------------------------
 
 
-def ngen(block: Block, part: Part, budget: Budget) -> None:
+def ngen(block: AbaqusBlock, part: AbaqusPart, budget: DeckBudget) -> None:
     """Generate the nodes between two: on a line, on a parabola (``LINE=P``) or on an arc (``LINE=C``)."""
     line = block.options.get("LINE", "")
     if line not in ("", "P", "C"):
@@ -144,7 +144,7 @@ def _intervals(first: int, last: int, step: int, place: str) -> int:
     return n
 
 
-def _extra_point(block: Block, part: Part, cells: list[str], place: str) -> Floats:
+def _extra_point(block: AbaqusBlock, part: AbaqusPart, cells: list[str], place: str) -> Floats:
     if cells[3] and integer(cells[3]):
         return part.coordinates(integer(cells[3]), place)
     if not any(cells[4:7]):
@@ -183,7 +183,7 @@ def _arc(a: Floats, centre: Floats, b: Floats, normal: Floats, t: Floats, place:
     return centre + turned * (1 + t * (r2 / r1 - 1))[:, None]
 
 
-def nfill(block: Block, part: Part, budget: Budget, notes: list[str]) -> None:
+def nfill(block: AbaqusBlock, part: AbaqusPart, budget: DeckBudget, notes: list[str]) -> None:
     """Generate nodes on lines between the nodes of two sets.
 
     ``BIAS`` is the ratio of each distance along a line to the next one.
@@ -213,7 +213,7 @@ def nfill(block: Block, part: Part, budget: Budget, notes: list[str]) -> None:
             _to_set(part, "NSET", block.options.get("NSET"), np.array([low, *numbers, high]), place)
 
 
-def ncopy(block: Block, part: Part, budget: Budget) -> None:
+def ncopy(block: AbaqusBlock, part: AbaqusPart, budget: DeckBudget) -> None:
     """Copy nodes: shifted and turned (``SHIFT``), or reflected in a line, a plane or a point."""
     change = integer(block.option("CHANGENUMBER", "CHANGE NUMBER="))
     old = members_so_far(part, "NSET", block.option("OLDSET", "OLD SET="), block.place, budget)
@@ -276,7 +276,7 @@ def _reflection(kind: str, data: list[list[float]]) -> tuple[Floats, Floats]:
 # Elements ---------------------------------------------------------------------------------------------------
 
 
-def elgen(block: Block, part: Part, budget: Budget) -> None:
+def elgen(block: AbaqusBlock, part: AbaqusPart, budget: DeckBudget) -> None:
     """Generate elements from one: a row, rows of rows, and layers of these."""
     for place, cells in block.rows():
         values = [integer(c) if c else None for c in cells]
@@ -296,7 +296,7 @@ def elgen(block: Block, part: Part, budget: Budget) -> None:
         _to_set(part, "ELSET", block.options.get("ELSET"), numbers, place)
 
 
-def _copy_elements(part: Part, old: Ints, new: Ints, steps: Ints, place: str) -> None:
+def _copy_elements(part: AbaqusPart, old: Ints, new: Ints, steps: Ints, place: str) -> None:
     """Copy elements to new numbers, with steps of their nodes; all arrays have one shape."""
     found = [part.elements.find(number) for number in old.tolist()]
     is_line = np.array([row is not None for row in found], dtype=bool)
@@ -318,7 +318,7 @@ def _copy_elements(part: Part, old: Ints, new: Ints, steps: Ints, place: str) ->
         part.skipped.append(Skipped(kind, np.array(numbers), file, np.full(len(numbers), line)))
 
 
-def elcopy(block: Block, part: Part, budget: Budget) -> None:
+def elcopy(block: AbaqusBlock, part: AbaqusPart, budget: DeckBudget) -> None:
     """Copy the elements of a set, with steps between the numbers of elements and of nodes."""
     of_elements = integer(block.option("ELEMENTSHIFT", "ELEMENT SHIFT="))
     of_nodes = integer(block.option("SHIFTNODES", "SHIFT NODES="))
@@ -331,12 +331,12 @@ def elcopy(block: Block, part: Part, budget: Budget) -> None:
 # Sets -------------------------------------------------------------------------------------------------------
 
 
-def _to_set(part: Part, keyword: str, name: str | None, numbers: Ints, place: str) -> None:
+def _to_set(part: AbaqusPart, keyword: str, name: str | None, numbers: Ints, place: str) -> None:
     if name:
-        part.sets[keyword].add(name, Entry(place, numbers=numbers))
+        part.sets[keyword].add(name, AbaqusSetEntry(place, numbers=numbers))
 
 
-def members_so_far(part: Part, keyword: str, cell: str, place: str, budget: Budget) -> Ints:
+def members_so_far(part: AbaqusPart, keyword: str, cell: str, place: str, budget: DeckBudget) -> Ints:
     """Return the numbers of a set, ascending unless it is unsorted, or a single number."""
     if cell.isascii() and cell.isdigit():
         return np.array([integer(cell)])
@@ -350,7 +350,7 @@ def members_so_far(part: Part, keyword: str, cell: str, place: str, budget: Budg
     return numbers[np.sort(first_at)] if found.unsorted else values
 
 
-def _numbers_of(entries: Iterable[Entry], cell: str, place: str, budget: Budget) -> Ints:
+def _numbers_of(entries: Iterable[AbaqusSetEntry], cell: str, place: str, budget: DeckBudget) -> Ints:
     """Return the numbers of a set's entries, those of a sorted set that was taken in ascending."""
     parts = [np.empty(0, dtype=np.int64)]
     for entry in entries:

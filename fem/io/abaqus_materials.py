@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from fem.io.abaqus_content import Content, check, data, lines_of
-from fem.io.abaqus_deck import Block, fault
+from fem.io.abaqus_deck import AbaqusBlock, fault
 from fem.io.deck import named, real
 from fem.materials import Material, PropertyError, negligible_density
 from fem.model import Damping
@@ -20,7 +20,7 @@ class Materials:
 
     content: Content
     rayleigh: dict[str, tuple[float, float]] = field(default_factory=dict)
-    _blocks: dict[str, tuple[Block, dict[str, Block]]] = field(default_factory=dict)
+    _blocks: dict[str, tuple[AbaqusBlock, dict[str, AbaqusBlock]]] = field(default_factory=dict)
     _noted: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
@@ -33,7 +33,7 @@ class Materials:
                     )
                 self._blocks[name] = (placed.block, placed.subs)
 
-    def find(self, name: str, user: Block, density: float | None = None) -> Material:
+    def find(self, name: str, user: AbaqusBlock, density: float | None = None) -> Material:
         """Return a material, with a density that the section gives instead [kg/m³]."""
         if name not in self._blocks:
             has = named(sorted(self._blocks)) or "none"
@@ -59,7 +59,7 @@ class Materials:
         except PropertyError as reason:
             raise fault(user, f": {reason}") from reason
 
-    def _of(self, block: Block, subs: dict[str, Block], keyword: str) -> Block:
+    def _of(self, block: AbaqusBlock, subs: dict[str, AbaqusBlock], keyword: str) -> AbaqusBlock:
         if keyword not in subs:
             raise fault(block, f"{block.options['NAME']} has no *{keyword}, which natural frequencies need")
         return subs[keyword]
@@ -73,7 +73,7 @@ class Materials:
         if sentence not in self.content.notes:
             self.content.notes.append(sentence)
 
-    def _first(self, block: Block, least: int, count: int, what: str) -> list[float]:
+    def _first(self, block: AbaqusBlock, least: int, count: int, what: str) -> list[float]:
         """Return the first numbers of the first line: later ones depend on temperature or the like."""
         if len(lines_of(block)) > 1 and block.place not in self._noted:
             self._noted.add(block.place)
@@ -82,7 +82,7 @@ class Materials:
             )
         return data(block, 0, least, count, what, count)
 
-    def _damping(self, name: str, block: Block | None) -> float:
+    def _damping(self, name: str, block: AbaqusBlock | None) -> float:
         if block is None:
             self.rayleigh[name] = (0.0, 0.0)
             return 0.0
@@ -115,7 +115,7 @@ class Materials:
         return Damping.rayleigh(*pairs.pop())
 
 
-def damping_of(block: Block) -> tuple[float, float, float]:
+def damping_of(block: AbaqusBlock) -> tuple[float, float, float]:
     """Return ALPHA, BETA and STRUCTURAL of a block."""
     try:
         alpha, beta, loss = (real(block.options.get(key, "")) for key in ("ALPHA", "BETA", "STRUCTURAL"))

@@ -15,7 +15,7 @@ LARGEST = 2**31 - 1
 """Largest number of a node or element: that of CalculiX; Abaqus has nine digits."""
 
 
-class Table:
+class AbaqusTable:
     """Numbered rows in the order of the file; a number that comes again stands for its last row.
 
     Parameters
@@ -62,7 +62,7 @@ class Table:
         self._files[new] = len(self.file_names) - 1
         self.size = stop
 
-    def extend(self, other: "Table") -> None:
+    def extend(self, other: "AbaqusTable") -> None:
         """Append the rows of another table."""
         for k, file in enumerate(other.file_names):
             rows = np.flatnonzero(other._files[: other.size] == k)
@@ -133,7 +133,7 @@ class Skipped:
 
 
 @dataclass(slots=True)
-class Part:
+class AbaqusPart:
     """Nodes, elements and sets of a part, an instance or the deck outside of parts.
 
     Attributes
@@ -148,8 +148,8 @@ class Part:
 
     name: str = ""
     place: str = ""
-    nodes: Table = field(default_factory=lambda: Table("node", float))
-    elements: Table = field(default_factory=lambda: Table("element", np.int64))
+    nodes: AbaqusTable = field(default_factory=lambda: AbaqusTable("node", float))
+    elements: AbaqusTable = field(default_factory=lambda: AbaqusTable("element", np.int64))
     skipped: list[Skipped] = field(default_factory=list)
     sets: dict[str, Sets] = field(default_factory=lambda: {"ELSET": Sets("element"), "NSET": Sets("node")})
     system: tuple[Floats, Floats] | None = None

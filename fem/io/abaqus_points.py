@@ -7,8 +7,8 @@ import numpy as np
 
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, data, lines_of
-from fem.io.abaqus_deck import Block, fault
-from fem.io.abaqus_systems import Systems
+from fem.io.abaqus_deck import AbaqusBlock, fault
+from fem.io.abaqus_systems import AbaqusSystems
 from fem.io.array_types import Floats
 from fem.io.faults import error_at
 from fem.io.frame_deck import Body, Connection, Link
@@ -21,7 +21,7 @@ class PointBuilder:
     """Reads elements at one or two nodes."""
 
     content: Content
-    systems: Systems
+    systems: AbaqusSystems
 
     def bodies(self) -> tuple[Body, ...]:
         """Return the point masses and rotary inertias."""
@@ -109,7 +109,7 @@ class PointBuilder:
             raise MeshError(msg)
         return axes_along(x)
 
-    def _direction(self, block: Block, kind: str) -> int:
+    def _direction(self, block: AbaqusBlock, kind: str) -> int:
         """Return the direction of a spring, counted from 0."""
         found = data(block, 0, int(kind[-1]), int(kind[-1]), f"the degrees of freedom of {kind}")
         if found[0] not in range(1, 7) or len(set(found)) > 1:
@@ -118,7 +118,7 @@ class PointBuilder:
             )
         return int(found[0]) - 1
 
-    def _check_arm(self, row: int, block: Block, nodes: list[int], axis: Floats) -> None:
+    def _check_arm(self, row: int, block: AbaqusBlock, nodes: list[int], axis: Floats) -> None:
         """Refuse a spring across a distance: it would make moments that no arm takes up."""
         arm = self.content.points[nodes[1]] - self.content.points[nodes[0]]
         across = float(np.linalg.norm(np.cross(arm, axis)))

@@ -32,7 +32,7 @@ ABAQUS_K: Final = {
 element"); a thick pipe has 0.53 to 0.89."""
 
 
-class Shape(NamedTuple):
+class AbaqusShape(NamedTuple):
     """A section with the place of its centroid from the node, along 1 and 2 [m], and whether 2 is -z."""
 
     section: Section
@@ -40,19 +40,19 @@ class Shape(NamedTuple):
     flipped: bool = False
 
 
-def _circle(d: list[float], nu: float) -> Shape:
+def _circle(d: list[float], nu: float) -> AbaqusShape:
     if len(d) == 2 and d[0] != d[1]:
-        return Shape(Section.ellipse(b=d[0], h=d[1], nu=nu))
-    return Shape(Section.circle(d=d[0] if len(d) == 2 else 2 * d[0], nu=nu))
+        return AbaqusShape(Section.ellipse(b=d[0], h=d[1], nu=nu))
+    return AbaqusShape(Section.circle(d=d[0] if len(d) == 2 else 2 * d[0], nu=nu))
 
 
-def _box(d: list[float], nu: float) -> Shape:
+def _box(d: list[float], nu: float) -> AbaqusShape:
     a, b, right, top, left, bottom = d
     section, centroid = box(a, b, (bottom, right, top, left), nu)
-    return Shape(section, (centroid[0] - a / 2, centroid[1] - b / 2))
+    return AbaqusShape(section, (centroid[0] - a / 2, centroid[1] - b / 2))
 
 
-def _i(d: list[float], nu: float) -> Shape:
+def _i(d: list[float], nu: float) -> AbaqusShape:
     node, h, b1, b2, t1, t2, t3 = d
     flipped = b2 * t2 == 0.0
     if flipped or b1 * t1 == 0.0:
@@ -63,30 +63,35 @@ def _i(d: list[float], nu: float) -> Shape:
         section = Section.unequal_i_section(b1=b1, b2=b2, h=h, tf1=t1, tf2=t2, tw=t3)
     z = section.outlines[0][:, 1]
     height = float(z.max() if flipped else -z.min())  # of the centroid above the bottom
-    return Shape(section, (0.0, height - node), flipped)
+    return AbaqusShape(section, (0.0, height - node), flipped)
 
 
-def _l(d: list[float], nu: float) -> Shape:
+def _l(d: list[float], nu: float) -> AbaqusShape:
     a, b, t1, t2 = d
     section, centroid = angle(a, b, t1, t2)
-    return Shape(section, (centroid[0] - t2 / 2, centroid[1] - t1 / 2))
+    return AbaqusShape(section, (centroid[0] - t2 / 2, centroid[1] - t1 / 2))
 
 
-def _trapezoid(d: list[float], nu: float) -> Shape:
+def _trapezoid(d: list[float], nu: float) -> AbaqusShape:
     a, b, c, node = d
     mean = Section.rectangle(b=(a + c) / 2, h=b, nu=nu)
     corners = np.array([(-a / 2, 0.0), (a / 2, 0.0), (c / 2, b), (-c / 2, b)])
     if c == 0.0:
         corners = corners[:3]
     section = Section.polygon(corners, J=mean.J, ky=mean.ky, kz=mean.kz, label="trapezoid")
-    return Shape(section, (0.0, b * (a + 2 * c) / (3 * (a + c)) - node))
+    return AbaqusShape(section, (0.0, b * (a + 2 * c) / (3 * (a + c)) - node))
 
 
-Row = tuple[int, int, str, Callable[[list[float], float], Shape]]
-_TUBE: Row = (2, 2, "outer radius and wall thickness", lambda d, nu: Shape(Section.tube(2 * d[0], d[1], nu)))
+Row = tuple[int, int, str, Callable[[list[float], float], AbaqusShape]]
+_TUBE: Row = (
+    2,
+    2,
+    "outer radius and wall thickness",
+    lambda d, nu: AbaqusShape(Section.tube(2 * d[0], d[1], nu)),
+)
 
 SHAPES: Final[dict[str, Row]] = {
-    "RECT": (2, 2, "a, b", lambda d, nu: Shape(Section.rectangle(*d, nu=nu))),
+    "RECT": (2, 2, "a, b", lambda d, nu: AbaqusShape(Section.rectangle(*d, nu=nu))),
     "CIRC": (1, 2, "a radius, or the two thicknesses of CalculiX", _circle),
     "PIPE": _TUBE,
     "THICKPIPE": _TUBE,
@@ -97,14 +102,14 @@ SHAPES: Final[dict[str, Row]] = {
         2,
         2,
         "circumscribed radius and wall thickness",
-        lambda d, nu: Shape(Section.hollow_polygon(n=6, d=np.sqrt(3.0) * d[0], t=d[1])),
+        lambda d, nu: AbaqusShape(Section.hollow_polygon(n=6, d=np.sqrt(3.0) * d[0], t=d[1])),
     ),
     "TRAPEZOID": (4, 4, "a, b, c, d", _trapezoid),
 }
 """Least and greatest count of dimensions, what they are, and the section of them [m] and Poisson's ratio."""
 
 
-def arbitrary(rows: list[list[float]]) -> Shape:
+def arbitrary(rows: list[list[float]]) -> AbaqusShape:
     """Return a section of thin segments: the first with both its ends, the others with their second ones.
 
     Segments have no stiffness of bending about their line, as in Abaqus.
@@ -125,4 +130,4 @@ def arbitrary(rows: list[list[float]]) -> Shape:
     moments = (second[1, 1], second[0, 0], second[0, 1])
     flat = of_constants("ARBITRARY", float(area.sum()), moments, 1.0, (1.0, 1.0))
     section = with_walls(flat, turned(points, centroid, flat.angle), pairs, t)
-    return Shape(section, (float(centroid[0]), float(centroid[1])))
+    return AbaqusShape(section, (float(centroid[0]), float(centroid[1])))

@@ -17,7 +17,7 @@ MOST_MEMBERS = 50_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Entry:
+class AbaqusSetEntry:
     """Members that one line or block adds to a set.
 
     Attributes
@@ -47,7 +47,7 @@ class NamedSet:
     Sorted sets have no entries of sets that were taken in, but the entries of these.
     """
 
-    entries: dict[int, Entry] = field(default_factory=dict)
+    entries: dict[int, AbaqusSetEntry] = field(default_factory=dict)
     internal: bool = False
     unsorted: bool = False
 
@@ -68,7 +68,7 @@ class Sets:
         """Return a set to add to."""
         return self.named.setdefault(name, NamedSet())
 
-    def add(self, name: str, entry: Entry) -> None:
+    def add(self, name: str, entry: AbaqusSetEntry) -> None:
         """Add to a set."""
         self.open(name).entries[id(entry)] = entry
 
@@ -83,7 +83,7 @@ class Sets:
             raise MeshError(msg)
         mine = self.open(name)
         if mine.unsorted and not found.unsorted:
-            self.add(name, Entry(place, taken=NamedSet(dict(found.entries))))
+            self.add(name, AbaqusSetEntry(place, taken=NamedSet(dict(found.entries))))
         elif mine.unsorted:
             mine.entries.update(found.entries)
         else:
@@ -91,7 +91,7 @@ class Sets:
         return True
 
 
-def flat(entries: Iterable[Entry]) -> Iterator[Entry]:
+def flat(entries: Iterable[AbaqusSetEntry]) -> Iterator[AbaqusSetEntry]:
     """Yield entries, those of sets that were taken in instead of these."""
     for entry in entries:
         yield from (entry,) if entry.taken is None else entry.taken.entries.values()
@@ -151,20 +151,20 @@ class Resolver:
             waiting += [(o, n) for o, n, _ in needed]
         return self._done[owner, name]
 
-    def _entries(self, owner: str, name: str) -> Iterator[Entry]:
+    def _entries(self, owner: str, name: str) -> Iterator[AbaqusSetEntry]:
         for sets in reversed(self.sets.get(owner, [])):
             found = sets.named.get(name)
             if found is not None:
                 yield from found.entries.values()
 
-    def _needed(self, owner: str, name: str) -> Iterator[tuple[str, str, Entry]]:
+    def _needed(self, owner: str, name: str) -> Iterator[tuple[str, str, AbaqusSetEntry]]:
         for entry in flat(self._entries(owner, name)):
             if entry.name and not entry.of_elements:
                 found = self.owner_of(owner, entry)
                 if found is not None and not isinstance(found[1], int):
                     yield found[0], found[1], entry
 
-    def owner_of(self, owner: str, entry: Entry) -> tuple[str, str | int] | None:
+    def owner_of(self, owner: str, entry: AbaqusSetEntry) -> tuple[str, str | int] | None:
         """Return the instance and the set, or the number, that a name stands for; None if nothing has it."""
         if entry.instance:
             places = [(entry.instance, entry.name)]
@@ -192,7 +192,7 @@ class Resolver:
         self._count(len(rows))
         return rows
 
-    def _gathered(self, owner: str, name: str, entries: Iterable[Entry], unsorted: bool) -> Ints:
+    def _gathered(self, owner: str, name: str, entries: Iterable[AbaqusSetEntry], unsorted: bool) -> Ints:
         """Return the rows of entries, each once, in the order of a set."""
         found = [self._rows_of(owner, name, entry) for entry in entries]
         rows = found[0] if len(found) == 1 else np.concatenate([np.empty(0, dtype=np.int64), *found])
@@ -212,14 +212,14 @@ class Resolver:
                 self.file, f"the sets have more than {MOST_MEMBERS} members in all; leave some of them out"
             )
 
-    def _rows_of(self, owner: str, name: str, entry: Entry) -> Ints:
+    def _rows_of(self, owner: str, name: str, entry: AbaqusSetEntry) -> Ints:
         key = (owner, id(entry))
         if key not in self._members:
             self._members[key] = self._looked_up(owner, name, entry)
             self._count(len(self._members[key]))
         return self._members[key]
 
-    def _looked_up(self, owner: str, name: str, entry: Entry) -> Ints:
+    def _looked_up(self, owner: str, name: str, entry: AbaqusSetEntry) -> Ints:
         if entry.taken is not None:
             return self._gathered(owner, name, entry.taken.entries.values(), False)
         place = f"{self.word} set {name[:60]} ({entry.place})"

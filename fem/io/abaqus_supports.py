@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import Content, Placed, check, dofs_of, lines_of, numbers_of
-from fem.io.abaqus_deck import Block, fault, name_of
+from fem.io.abaqus_deck import AbaqusBlock, fault, name_of
 
 TYPES = {
     "ENCASTRE": (0, 1, 2, 3, 4, 5),
@@ -22,7 +22,7 @@ TYPES = {
 """Degrees of freedom that a type of boundary condition fixes, counted from 0."""
 
 
-def fixed_of(content: Content) -> dict[int, dict[int, Block]]:
+def fixed_of(content: Content) -> dict[int, dict[int, AbaqusBlock]]:
     """Return the fixed degrees of freedom, counted from 0, of the rows of nodes, each with its block.
 
     Read are the model data and the steps up to the first one of a linear dynamic procedure, or else up to the
@@ -33,7 +33,7 @@ def fixed_of(content: Content) -> dict[int, dict[int, Block]]:
     if last and any(p.keyword == "BOUNDARY" and p.step for p in content.placed):
         name = f"*{content.procedures[last].name}" if last in content.procedures else "the first step"
         content.notes.append(f"supports are those of the model data and of the steps up to {last} ({name})")
-    fixed: dict[int, dict[int, Block]] = {}
+    fixed: dict[int, dict[int, AbaqusBlock]] = {}
     step = 0
     for placed in content.placed:
         if placed.keyword != "BOUNDARY" or placed.step > last:
@@ -49,7 +49,9 @@ def fixed_of(content: Content) -> dict[int, dict[int, Block]]:
     return fixed
 
 
-def _rotate(content: Content, placed: Placed, instance: Instance, fixed: dict[int, dict[int, Block]]) -> None:
+def _rotate(
+    content: Content, placed: Placed, instance: Instance, fixed: dict[int, dict[int, AbaqusBlock]]
+) -> None:
     """Give the reference node the rotations that CalculiX fixes as translations of the ROT NODE."""
     block, where = placed.block, f"{placed.block.place}: *{placed.block.name}"
     if "ROTNODE" in block.options:
@@ -75,7 +77,7 @@ def _note_nonlinear(content: Content, last: int) -> None:
             return
 
 
-def _read(content: Content, placed: Placed, fixed: dict[int, dict[int, Block]]) -> None:
+def _read(content: Content, placed: Placed, fixed: dict[int, dict[int, AbaqusBlock]]) -> None:
     block = placed.block
     check(block, "OP", "TYPE", "AMPLITUDE", "LOADCASE", "FIXED", "BASENAME", "REGIONTYPE")
     for instance in content.assembly.owners_of(placed.part):
@@ -87,7 +89,7 @@ def _read(content: Content, placed: Placed, fixed: dict[int, dict[int, Block]]) 
                     fixed.setdefault(row, {})[dof] = block
 
 
-def dofs_of_row(content: Content, block: Block, place: str, cells: list[str]) -> Iterable[int]:
+def dofs_of_row(content: Content, block: AbaqusBlock, place: str, cells: list[str]) -> Iterable[int]:
     """Return the degrees of freedom, counted from 0, that a data line fixes; ``cells`` follow the nodes."""
     word = cells[0].upper() if cells else ""
     if word in TYPES:

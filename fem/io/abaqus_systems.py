@@ -6,14 +6,14 @@ import numpy as np
 
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import Content, Placed, check, lines_of, numbers_of
-from fem.io.abaqus_deck import Block, fault
+from fem.io.abaqus_deck import AbaqusBlock, fault
 from fem.io.abaqus_generate import rotation
 from fem.io.array_types import Floats
 from fem.io.frame_parts import axes_along, parallel
 
 
 @dataclass(slots=True)
-class Systems:
+class AbaqusSystems:
     """Axes by name, and those of nodes; axes are unit vectors in rows.
 
     Attributes
@@ -41,7 +41,7 @@ class Systems:
                 if not np.allclose(axes, np.eye(3), rtol=0, atol=1e-12):
                     self.nodal[row] = axes
 
-    def _points(self, block: Block) -> tuple[Floats, Floats]:
+    def _points(self, block: AbaqusBlock) -> tuple[Floats, Floats]:
         rows = lines_of(block)
         if not rows:
             raise fault(block, "has no data line; two points are expected")
@@ -49,7 +49,7 @@ class Systems:
         given = np.array([*values, 0.0, 0.0][:6]).reshape(2, 3)
         return given[0], given[1]
 
-    def _axes(self, block: Block, kind: str, a: Floats, b: Floats, at: Floats) -> Floats:
+    def _axes(self, block: AbaqusBlock, kind: str, a: Floats, b: Floats, at: Floats) -> Floats:
         if kind == "R":
             return axes_of(block, a, b)
         if kind != "C":
@@ -81,7 +81,7 @@ class Systems:
         raise fault(block, f"refers to the orientation {name[:60]}, which the file does not have")
 
 
-def _orientation(block: Block) -> Floats:
+def _orientation(block: AbaqusBlock) -> Floats:
     check(block, "NAME", "SYSTEM", "DEFINITION")
     kind = block.options.get("SYSTEM", "RECTANGULAR").upper()
     definition = block.options.get("DEFINITION", "COORDINATES").upper()
@@ -102,7 +102,7 @@ def _orientation(block: Block) -> Floats:
     return axes
 
 
-def axes_of(block: Block, a: Floats, b: Floats) -> Floats:
+def axes_of(block: AbaqusBlock, a: Floats, b: Floats) -> Floats:
     """Return axes with x along a, and b in the plane of x and y."""
     if parallel(a, b):
         raise fault(block, "defines no axes: its points are on one line with the origin")

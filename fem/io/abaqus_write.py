@@ -22,7 +22,7 @@ from fem.io.deck_nodes import (
     with_nodes,
     wrapped,
 )
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty
 from fem.io.frame_of_model import ModelDeck
@@ -35,13 +35,13 @@ SAME_AXES = 7
 
 
 def abaqus_text(
-    deck: ModelDeck, units: "str | Units" = "SI", heading: Sequence[str] = (), modes: int = 20
+    deck: ModelDeck, units: "str | DeckUnits" = "SI", heading: Sequence[str] = (), modes: int = 20
 ) -> str:
     """Return a deck of Abaqus: all of a model with a step for its modes, or keywords for one.
 
     Arguments are those of :func:`fem.io.nastran_write.nastran_text`.
     """
-    u = Units.of(units)
+    u = DeckUnits.of(units)
     deck = with_ends(deck)
     lines = [] if deck.part else ["*HEADING", deck.file[:70]]
     lines += keywords(deck, u)
@@ -55,7 +55,7 @@ def with_ends(deck: ModelDeck) -> ModelDeck:
     return with_nodes(deck, offsets=True, releases=True, arms=True, bodies=True, springs=plain)
 
 
-def keywords(deck: ModelDeck, u: Units) -> list[str]:
+def keywords(deck: ModelDeck, u: DeckUnits) -> list[str]:
     """Return the keywords of a deck of :func:`with_ends` without heading, steps and notes."""
     free = count(first_element(deck))
     return [
@@ -73,7 +73,7 @@ def row(*values: object) -> str:
     return ", ".join(repr(float(v)) if isinstance(v, float) else str(v) for v in values)
 
 
-def _nodes(deck: ModelDeck, u: Units) -> Iterator[str]:
+def _nodes(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
     new = [k for k in range(len(deck.nodes)) if k not in deck.known]
     if new:
         yield "*NODE"
@@ -81,7 +81,7 @@ def _nodes(deck: ModelDeck, u: Units) -> Iterator[str]:
         yield row(deck.nodes[k], *map(float, deck.points[k] / u.length))
 
 
-def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
+def _bars(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
     """Yield elements by property and axes, with their sections; n1 is local y, so that I11 is Iy."""
     axes, groups = bar_axes(deck), dict[tuple[int, tuple[float, ...]], list[int]]()
     for k, p in enumerate(deck.bars.properties):
@@ -110,7 +110,7 @@ def _type(p: BarProperty) -> str:
     return {"bar": "T3D2", "euler-bernoulli": "B33"}.get(p.theory, "B31")
 
 
-def section_keywords(p: BarProperty, name: str, y: np.ndarray, material: int, u: Units) -> Iterator[str]:
+def section_keywords(p: BarProperty, name: str, y: np.ndarray, material: int, u: DeckUnits) -> Iterator[str]:
     """Yield the section of an element set, by its constants."""
     m, (s, comment) = p.material, mean_section(p, "**")
     yield from comment
@@ -138,7 +138,7 @@ def section_keywords(p: BarProperty, name: str, y: np.ndarray, material: int, u:
         yield from wrapped("**", f"loss factor of {m.name}: {m.loss_factor:g}")
 
 
-def _bodies(deck: ModelDeck, u: Units, free: Iterator[int]) -> Iterator[str]:
+def _bodies(deck: ModelDeck, u: DeckUnits, free: Iterator[int]) -> Iterator[str]:
     for k, b in enumerate(deck.bodies, deck.first.get("name", 1)):
         yield from wrapped("**", b.name)
         if b.mass:
@@ -151,7 +151,7 @@ def _bodies(deck: ModelDeck, u: Units, free: Iterator[int]) -> Iterator[str]:
             yield row(*(float(I[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
 
 
-def _springs(deck: ModelDeck, u: Units, free: Iterator[int]) -> Iterator[str]:
+def _springs(deck: ModelDeck, u: DeckUnits, free: Iterator[int]) -> Iterator[str]:
     """Yield springs and dashpots between coincident nodes, or to the ground."""
     for k, c in enumerate(deck.connections, deck.first.get("name", 1)):
         yield from wrapped("**", c.name)
@@ -170,7 +170,7 @@ def _springs(deck: ModelDeck, u: Units, free: Iterator[int]) -> Iterator[str]:
                 yield from (f"*{kind}, ELSET={name}{turn}", row(*[j + 1] * len(nodes)), row(float(X[j])))
 
 
-def _equations(deck: ModelDeck, u: Units) -> Iterator[str]:
+def _equations(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
     for comment, cells in equation_cells(deck, solved_equations(deck, links=True), DOF, u, "**"):
         yield from (*comment, "*EQUATION", str(len(cells)))
         for i in range(0, len(cells), 4):

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.io.ansys_content import ON_AXIS, AnsysDeck, Element
+from fem.io.ansys_content import ON_AXIS, AnsysDeck, AnsysElement
 from fem.io.ansys_deck import read_deck
 from fem.io.ansys_systems import rotation
 from fem.io.rawmesh import RawMesh
@@ -62,7 +62,7 @@ def ansys_places(path: Path) -> dict[str, Any]:
     }
 
 
-def _kind(deck: AnsysDeck, e: Element) -> int:
+def _kind(deck: AnsysDeck, e: AnsysElement) -> int:
     """Return the number in the name of an element's type; its nodes are checked, too."""
     if e.type not in deck.types:
         raise deck.error(e.line, f"element {e.number} has the type {e.type}, which no ET defines")

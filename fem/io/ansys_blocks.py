@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 
 from fem.io.ansys_script import Command
-from fem.io.ansys_state import State
+from fem.io.ansys_state import AnsysState
 from fem.io.deck import integer, real
 
 _DIGITS = tuple("+-.0123456789")
@@ -20,7 +20,7 @@ def _widths(text: str) -> tuple[list[int], int]:
     return widths, n_integers
 
 
-def _format(state: State, c: Command) -> tuple[list[int], int]:
+def _format(state: AnsysState, c: Command) -> tuple[list[int], int]:
     line = (state.script.peek() or "").strip()
     widths, n_integers = _widths(line) if line.startswith("(") else ([], 0)
     if not widths:
@@ -39,7 +39,7 @@ def _cut(line: str, widths: list[int]) -> list[str]:
 
 
 def _rows(
-    state: State, c: Command, widths: list[int], count: int | None = None, stated: int = 0
+    state: AnsysState, c: Command, widths: list[int], count: int | None = None, stated: int = 0
 ) -> Iterator[list[str]]:
     """Yield the rows of a block, cut as its format says, to -1 or for ``count`` rows.
 
@@ -73,7 +73,9 @@ def _rows(
             yield cells
 
 
-def _numbers(state: State, c: Command, cells: Sequence[str], convert: Callable[[str], float]) -> list[float]:
+def _numbers(
+    state: AnsysState, c: Command, cells: Sequence[str], convert: Callable[[str], float]
+) -> list[float]:
     out = []
     for k, text in enumerate(cells, start=1):
         try:
@@ -84,17 +86,17 @@ def _numbers(state: State, c: Command, cells: Sequence[str], convert: Callable[[
     return out
 
 
-def _integers(state: State, c: Command, cells: Sequence[str]) -> list[int]:
+def _integers(state: AnsysState, c: Command, cells: Sequence[str]) -> list[int]:
     return [int(v) for v in _numbers(state, c, cells, integer)]
 
 
-def _check_count(state: State, c: Command, found: int, k: int) -> None:
+def _check_count(state: AnsysState, c: Command, found: int, k: int) -> None:
     stated = c.integer(k)
     if stated and stated != found:
         raise state.deck.error(c.line, f"{c.name.upper()} states {stated} rows, and has {found}")
 
 
-def nblock(state: State, c: Command) -> None:
+def nblock(state: AnsysState, c: Command) -> None:
     """Read nodes: number, two more numbers with SOLID, x, y, z and angles."""
     widths, n_integers = _format(state, c)
     found = 0
@@ -105,7 +107,7 @@ def nblock(state: State, c: Command) -> None:
     _check_count(state, c, found, 3)
 
 
-def eblock(state: State, c: Command) -> None:
+def eblock(state: AnsysState, c: Command) -> None:
     """Read elements: rows with attributes and nodes, those of SOLID continued."""
     widths, _ = _format(state, c)
     found, rest, row = 0, 0, list[int]()
@@ -132,7 +134,7 @@ def eblock(state: State, c: Command) -> None:
     _check_count(state, c, found, 3)
 
 
-def rlblock(state: State, c: Command) -> None:
+def rlblock(state: AnsysState, c: Command) -> None:
     """Read sets of real constants: number and count, then their values over several rows."""
     first, more = _format(state, c)[0], _format(state, c)[0]
 
@@ -154,7 +156,7 @@ def rlblock(state: State, c: Command) -> None:
         state.deck.reals[number] = dict(enumerate(reals, start=1))
 
 
-def etblock(state: State, c: Command) -> None:
+def etblock(state: AnsysState, c: Command) -> None:
     """Read element types: number, the number in the name, options."""
     widths, _ = _format(state, c)
     for row in _rows(state, c, widths):
@@ -162,7 +164,7 @@ def etblock(state: State, c: Command) -> None:
         state.add_type(number, kind, options, c.line)
 
 
-def cmblock(state: State, c: Command) -> None:
+def cmblock(state: AnsysState, c: Command) -> None:
     """Read a component: numbers, where a negative one ends a range."""
     widths, _ = _format(state, c)
     rows = -(-c.integer(2) // max(len(widths), 1))

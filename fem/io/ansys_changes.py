@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from fem.io.ansys_content import AnsysDeck, Element
+from fem.io.ansys_content import AnsysDeck, AnsysElement
 from fem.io.ansys_deck import read_deck
 from fem.io.ansys_frame import read_ansys_frame
 from fem.io.ansys_systems import rotation
 from fem.io.ansys_write import LABEL, Attributes, command, commands, section_commands
 from fem.io.deck_nodes import directions_in, wrapped
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import Body, Connection
 from fem.io.frame_of_model import ModelDeck
 from fem.io.source_changes import (
@@ -37,14 +37,14 @@ BY_SECTION = (188, 189, 288, 289)
 _ITEM = re.compile(r"(MASS21|COMBIN14|CE) (\d+)")
 
 
-def ansys_changes(model_deck: ModelDeck, path: Path, units: Units) -> DeckEdit:
+def ansys_changes(model_deck: ModelDeck, path: Path, units: DeckUnits) -> DeckEdit:
     """Return the commands that make an archive of ANSYS that of a model.
 
     Arguments are those of :func:`fem.io.nastran_changes.nastran_changes`.
     """
     archive = read_deck(path)
     changes = source_changes(model_deck, read_ansys_frame(path, units), _free_numbers(archive))
-    return _Writer(archive, changes, units).edit()
+    return _AnsysWriter(archive, changes, units).edit()
 
 
 def _free_numbers(archive: AnsysDeck) -> dict[str, int]:
@@ -58,10 +58,10 @@ def _free_numbers(archive: AnsysDeck) -> dict[str, int]:
     }
 
 
-class _Writer:
+class _AnsysWriter:
     """The commands of changes."""
 
-    def __init__(self, archive: AnsysDeck, changes: SourceChanges, u: Units) -> None:
+    def __init__(self, archive: AnsysDeck, changes: SourceChanges, u: DeckUnits) -> None:
         self.archive, self.changes, self.u = archive, changes, u
         self.out = DeckEdit("!")
         self.elements = archive.elements
@@ -185,7 +185,7 @@ class _Writer:
 
     # Materials and sections ---------------------------------------------------------------------------------
 
-    def _old(self, source: int) -> tuple[Element, Material]:
+    def _old(self, source: int) -> tuple[AnsysElement, Material]:
         """Return an element with a property, and the material of it."""
         return self.element_of[source], self.changes.source.properties[source].material
 
@@ -223,7 +223,7 @@ class _Writer:
         absolute = command is not None and any(command.control[k : k + 1] not in ([], [0.0]) for k in (0, 2))
         return v.section or (v.material and absolute)
 
-    def _kind(self, e: Element) -> int:
+    def _kind(self, e: AnsysElement) -> int:
         return self.archive.types[e.type][0]
 
     def _simple(self, source: int) -> bool:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.io.ansys_content import LABELS, CoupledSet, Equation, SectionCommand
+from fem.io.ansys_content import LABELS, AnsysEquation, CoupledSet, SectionCommand
 from fem.io.ansys_script import Command
-from fem.io.ansys_state import ELEM, NODE, State
-from fem.io.ansys_systems import GLOBAL, System, angles_of, rotation
+from fem.io.ansys_state import ELEM, NODE, AnsysState
+from fem.io.ansys_systems import GLOBAL, AnsysSystem, angles_of, rotation
 
 _UNBLOCKED = ("R5", "UNBL")
 """How the first field of a command begins in an archive of CDWRITE,…,UNBLOCKED."""
@@ -22,7 +22,7 @@ def _unblocked(c: Command) -> bool:
 # Coordinate systems -----------------------------------------------------------------------------------------
 
 
-def csys(state: State, c: Command) -> None:
+def csys(state: AnsysState, c: Command) -> None:
     """Activate a coordinate system; CSYS,4 is the working plane, which is not followed."""
     if c.text(0) in ("4", "WP"):
         c.refuse("activates the working plane, which is not read; define the system by LOCAL")
@@ -30,7 +30,7 @@ def csys(state: State, c: Command) -> None:
     state.active(c)
 
 
-def _define(state: State, c: Command, system: System) -> None:
+def _define(state: AnsysState, c: Command, system: AnsysSystem) -> None:
     number = c.integer(0)
     if number < 11:
         c.refuse(f"defines the coordinate system {number}; numbers from 11 on are for these")
@@ -46,21 +46,21 @@ def _kind(c: Command, ratios: int) -> int:
     return kind
 
 
-def local(state: State, c: Command) -> None:
+def local(state: AnsysState, c: Command) -> None:
     """Define and activate a coordinate system by its global origin and angles."""
     axes = rotation(c.real(5), c.real(6), c.real(7))
-    _define(state, c, System(_kind(c, 8), axes, np.array(c.reals(2, 5))))
+    _define(state, c, AnsysSystem(_kind(c, 8), axes, np.array(c.reals(2, 5))))
 
 
-def clocal(state: State, c: Command) -> None:
+def clocal(state: AnsysState, c: Command) -> None:
     """Define and activate a coordinate system by its origin and angles in the active one."""
     base = state.active(c)
     origin = base.to_global(np.array([c.reals(2, 5)]))[0]
     axes = rotation(c.real(5), c.real(6), c.real(7)) @ base.axes
-    _define(state, c, System(_kind(c, 8), axes, origin))
+    _define(state, c, AnsysSystem(_kind(c, 8), axes, origin))
 
 
-def cs(state: State, c: Command) -> None:
+def cs(state: AnsysState, c: Command) -> None:
     """Define and activate a coordinate system by three nodes: origin, on x, and in the x-y plane."""
     origin, on_x, in_plane = (np.array(state.node(c, c.integer(k))[:3]) for k in (2, 3, 4))
     x, toward = on_x - origin, in_plane - origin
@@ -68,10 +68,10 @@ def cs(state: State, c: Command) -> None:
     if np.linalg.norm(z) <= 1e-9 * np.linalg.norm(x) * np.linalg.norm(toward):
         c.refuse("has three nodes on one line")
     axes = np.array([x, np.cross(z, x), z])
-    _define(state, c, System(_kind(c, 5), axes / np.linalg.norm(axes, axis=1, keepdims=True), origin))
+    _define(state, c, AnsysSystem(_kind(c, 5), axes / np.linalg.norm(axes, axis=1, keepdims=True), origin))
 
 
-def csdele(state: State, c: Command) -> None:
+def csdele(state: AnsysState, c: Command) -> None:
     """Delete coordinate systems."""
     for number in _numbers(c, 0, state.systems):
         if number not in GLOBAL:
@@ -81,7 +81,7 @@ def csdele(state: State, c: Command) -> None:
 # Nodes ------------------------------------------------------------------------------------------------------
 
 
-def node(state: State, c: Command) -> None:
+def node(state: AnsysState, c: Command) -> None:
     """Define a node in the active coordinate system."""
     if _unblocked(c):
         number, where = c.integer(2), c.text(1)
@@ -100,14 +100,14 @@ def node(state: State, c: Command) -> None:
     state.add_node(number, [*place, *_angles(state, c, 4)])
 
 
-def _angles(state: State, c: Command, start: int) -> list[float]:
+def _angles(state: AnsysState, c: Command, start: int) -> list[float]:
     angles = c.reals(start, start + 3)
     if any(angles) and state.system:
         c.refuse("turns a node while a local coordinate system is active; use CSYS,0 or NROTAT")
     return angles
 
 
-def nmodif(state: State, c: Command) -> None:
+def nmodif(state: AnsysState, c: Command) -> None:
     """Change coordinates of nodes in the active coordinate system, and their angles; blanks retain them."""
     system = state.active(c)
     for number in state.chosen(c, NODE, 0):
@@ -120,7 +120,7 @@ def nmodif(state: State, c: Command) -> None:
         state.deck.nodes[number] = [*moved, *angles]
 
 
-def nrotat(state: State, c: Command) -> None:
+def nrotat(state: AnsysState, c: Command) -> None:
     """Turn the axes of nodes into the active coordinate system."""
     system = state.active(c)
     for number in state.chosen(c, NODE, 0, 1):
@@ -128,7 +128,7 @@ def nrotat(state: State, c: Command) -> None:
         row[3:] = angles_of(system.axes_at(np.array(row[:3])))
 
 
-def nscale(state: State, c: Command) -> None:
+def nscale(state: AnsysState, c: Command) -> None:
     """Scale places of nodes in the active coordinate system, or those of copies with higher numbers."""
     system, more = state.active(c), c.integer(0)
     ratios = np.array([c.real(k) or 1.0 for k in (4, 5, 6)])
@@ -139,7 +139,7 @@ def nscale(state: State, c: Command) -> None:
         state.add_node(number + more, [*point.tolist(), *row[3:]])
 
 
-def ndele(state: State, c: Command) -> None:
+def ndele(state: AnsysState, c: Command) -> None:
     """Delete selected nodes of no element, with their supports and equations."""
     used = {n for e in state.deck.elements.values() for n in e.nodes}
     hidden, deck = state.hidden[NODE], state.deck
@@ -155,18 +155,18 @@ def ndele(state: State, c: Command) -> None:
 # Elements ---------------------------------------------------------------------------------------------------
 
 
-def attribute(state: State, c: Command) -> None:
+def attribute(state: AnsysState, c: Command) -> None:
     """Set the current type, material, real constants or section."""
     name = {"SECN": "SECNUM"}.get(c.key, c.key)
     state.attributes[name] = c.integer(0) or 1
 
 
-def _current(state: State) -> tuple[int, int, int, int]:
+def _current(state: AnsysState) -> tuple[int, int, int, int]:
     now = state.attributes
     return now["TYPE"], now["MAT"], now["REAL"], now["SECNUM"]
 
 
-def element(state: State, c: Command) -> None:
+def element(state: AnsysState, c: Command) -> None:
     """Define an element between nodes (E), with its number (EN)."""
     if not _unblocked(c):
         nodes = c.integers(1 if c.key == "EN" else 0)
@@ -181,7 +181,7 @@ def element(state: State, c: Command) -> None:
         state.add_element(number, (kind, mat, constants, section), c.integers(2), c.line)
 
 
-def edele(state: State, c: Command) -> None:
+def edele(state: AnsysState, c: Command) -> None:
     """Delete selected elements."""
     hidden, elements = state.hidden[ELEM], state.deck.elements
     for number in state.chosen(c, ELEM, 0, 1):
@@ -190,12 +190,12 @@ def edele(state: State, c: Command) -> None:
     state.last_element = max(elements, default=0)
 
 
-def mpchg(state: State, c: Command) -> None:
+def mpchg(state: AnsysState, c: Command) -> None:
     """Change the material of elements."""
     _change(state, c, state.chosen(c, ELEM, 1), mat=c.integer(0))
 
 
-def emodif(state: State, c: Command) -> None:
+def emodif(state: AnsysState, c: Command) -> None:
     """Change attributes or nodes of elements."""
     numbers, place = state.chosen(c, ELEM, 0), c.text(1)
     name = {"TYPE": "type", "MAT": "mat", "REAL": "real", "SECN": "section", "SEC": "section"}.get(place[:4])
@@ -218,7 +218,7 @@ def emodif(state: State, c: Command) -> None:
         _change(state, c, [number], nodes=tuple(nodes))
 
 
-def _change(state: State, c: Command, numbers: list[int], **values: object) -> None:
+def _change(state: AnsysState, c: Command, numbers: list[int], **values: object) -> None:
     for number in numbers:
         if number not in state.deck.elements:
             c.refuse(f"refers to element {number}, which is not defined")
@@ -228,7 +228,7 @@ def _change(state: State, c: Command, numbers: list[int], **values: object) -> N
 # Types, real constants, materials, sections -----------------------------------------------------------------
 
 
-def et(state: State, c: Command) -> None:
+def et(state: AnsysState, c: Command) -> None:
     """Define an element type by its name or the number in it, and its options."""
     name = c.text(1).lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
     kind = c.integer(1) if name == c.text(1) else _plain(c, name)
@@ -241,12 +241,12 @@ def _plain(c: Command, digits: str) -> int:
     return int(digits)
 
 
-def keyopt(state: State, c: Command) -> None:
+def keyopt(state: AnsysState, c: Command) -> None:
     """Set an option of an element type."""
     state.deck.keyopts[c.integer(0), c.integer(1)] = c.integer(2)
 
 
-def r(state: State, c: Command) -> None:
+def r(state: AnsysState, c: Command) -> None:
     """Define a set of real constants."""
     if _unblocked(c):  # R,R5.0,set,LOC,first,values
         number, start, values = c.integer(1), c.integer(3), c.reals(4)
@@ -257,20 +257,20 @@ def r(state: State, c: Command) -> None:
     state.last_real = (number, 7)
 
 
-def rmore(state: State, c: Command) -> None:
+def rmore(state: AnsysState, c: Command) -> None:
     """Add six constants to the last set."""
     number, start = state.last_real
     state.deck.reals.setdefault(number, {}).update(enumerate(c.reals(0)[:6], start=start))
     state.last_real = (number, start + 6)
 
 
-def rmodif(state: State, c: Command) -> None:
+def rmodif(state: AnsysState, c: Command) -> None:
     """Change constants of a set."""
     number, start = c.integer(0), c.integer(1)
     state.deck.reals.setdefault(number, {}).update(enumerate(c.reals(2), start=start))
 
 
-def mp(state: State, c: Command) -> None:
+def mp(state: AnsysState, c: Command) -> None:
     """Set a property of a material: its value at 0°."""
     label, number = c.text(0), c.integer(1) or state.attributes["MAT"]
     state.deck.materials.setdefault(number, {})[label] = c.real(2)
@@ -278,7 +278,7 @@ def mp(state: State, c: Command) -> None:
         state.deck.notes.append(f"line {c.line}: MP,{label} depends on temperature: its value at 0° is taken")
 
 
-def mpdata(state: State, c: Command) -> None:
+def mpdata(state: AnsysState, c: Command) -> None:
     """Set a property of a material at temperatures: the first value."""
     at = 2 if _unblocked(c) else 0
     label, number = c.text(at), c.integer(at + 1) or state.attributes["MAT"]
@@ -291,7 +291,7 @@ def mpdata(state: State, c: Command) -> None:
         table[label] = c.real(at + 3)
 
 
-def mpdele(state: State, c: Command) -> None:
+def mpdele(state: AnsysState, c: Command) -> None:
     """Delete a property of materials, or all of them."""
     label = c.text(0)
     for number in _numbers(c, 1, state.deck.materials):
@@ -299,7 +299,7 @@ def mpdele(state: State, c: Command) -> None:
         table.clear() if label == "ALL" else table.pop(label, None)
 
 
-def delete_tables(state: State, c: Command) -> None:
+def delete_tables(state: AnsysState, c: Command) -> None:
     """Delete element types, sets of real constants or sections."""
     table: dict = {"ETDE": state.deck.types, "RDEL": state.deck.reals, "SDEL": state.deck.sections}[c.key]
     for number in _numbers(c, 0, table):
@@ -315,14 +315,14 @@ def _numbers(c: Command, k: int, table: dict) -> list[int]:
     return [n for n in table if first <= n <= last and not (n - first) % step]
 
 
-def sectype(state: State, c: Command) -> None:
+def sectype(state: AnsysState, c: Command) -> None:
     """Begin a section."""
     number = c.integer(0) or 1 + max(state.deck.sections, default=0)
     state.section = SectionCommand(c.text(1), c.text(2), c.raw(3), c.line)
     state.deck.sections[number] = state.section
 
 
-def of_section(state: State, c: Command) -> None:
+def of_section(state: AnsysState, c: Command) -> None:
     """Keep data, offset or controls of the last section."""
     if state.section is None:
         c.refuse("has no SECTYPE before it")
@@ -334,7 +334,7 @@ def of_section(state: State, c: Command) -> None:
         state.section.control = c.reals(0)
 
 
-def damping(state: State, c: Command) -> None:
+def damping(state: AnsysState, c: Command) -> None:
     """Keep damping of the structure."""
     name = {"ALPH": "ALPHAD", "BETA": "BETAD", "DMPR": "DMPRAT", "DMPS": "DMPSTR"}[c.key]
     state.deck.damping[name] = c.real(0)
@@ -343,7 +343,7 @@ def damping(state: State, c: Command) -> None:
 # Supports and equations -------------------------------------------------------------------------------------
 
 
-def d(state: State, c: Command) -> None:
+def d(state: AnsysState, c: Command) -> None:
     """Fix degrees of freedom of nodes."""
     # a table of values, %name%, moves the node by what is not known here
     value = float("nan") if c.raw(2).startswith("%") else c.real(2)
@@ -360,7 +360,7 @@ def d(state: State, c: Command) -> None:
             state.deck.supports[number, k] = (value, c.line)
 
 
-def ddele(state: State, c: Command) -> None:
+def ddele(state: AnsysState, c: Command) -> None:
     """Release degrees of freedom of nodes."""
     directions = state.directions(c, (1,)) if c.raw(1) else sorted(state.labels)
     for number in state.chosen(c, NODE, 0, 2):
@@ -376,19 +376,19 @@ def _reference(c: Command, text: str, table: dict, name: int) -> int:
     return highest + 1 if text == "NEXT" else c.integer(name)
 
 
-def ce(state: State, c: Command) -> None:
+def ce(state: AnsysState, c: Command) -> None:
     """Define an equation, or add terms to one."""
     equations = state.deck.equations
     if _unblocked(c) and c.text(1) == "DEFI":
         number = c.integer(3)
-        equations[number] = Equation(c.line, c.real(4))
+        equations[number] = AnsysEquation(c.line, c.real(4))
         state.pending = [number]
         return
     if _unblocked(c):
         number = state.pending[0] if state.pending else max(equations, default=0)
     else:
         number = _reference(c, c.text(0), equations, 0)
-    equation = equations.setdefault(number, Equation(c.line))
+    equation = equations.setdefault(number, AnsysEquation(c.line))
     if not _unblocked(c) and c.raw(1):
         equation.constant = c.real(1)
     for k in range(2, len(c.fields) - 1, 3):
@@ -396,7 +396,7 @@ def ce(state: State, c: Command) -> None:
             _term(c, number, equation, k)
 
 
-def _term(c: Command, number: int, equation: Equation, k: int) -> None:
+def _term(c: Command, number: int, equation: AnsysEquation, k: int) -> None:
     node, label, factor = c.integer(k), c.text(k + 1), c.real(k + 2)
     if label not in LABELS:
         c.refuse(f"equation {number}: the label {label[:20]!r} is none of {', '.join(LABELS)}")
@@ -409,7 +409,7 @@ def _term(c: Command, number: int, equation: Equation, k: int) -> None:
         equation.terms[key] = factor
 
 
-def cp(state: State, c: Command) -> None:
+def cp(state: AnsysState, c: Command) -> None:
     """Define coupled sets, or add nodes to one and take them out (-NODE)."""
     coupled = state.deck.coupled
     if _unblocked(c):
@@ -434,12 +434,12 @@ def cp(state: State, c: Command) -> None:
         _couple(state, c, number, nodes)
 
 
-def _a_name(state: State, c: Command, k: int) -> bool:
+def _a_name(state: AnsysState, c: Command, k: int) -> bool:
     """Whether a field names several nodes."""
     return c.text(k) in ("ALL", "P51X") or state.component(c.text(k)) is not None
 
 
-def _label_of_set(state: State, c: Command, label: str) -> int:
+def _label_of_set(state: AnsysState, c: Command, label: str) -> int:
     known = state.deck.coupled.get(_reference(c, c.text(0), state.deck.coupled, 0))
     if label in LABELS:
         return LABELS[label]
@@ -449,7 +449,9 @@ def _label_of_set(state: State, c: Command, label: str) -> int:
     return known.label
 
 
-def _couple(state: State, c: Command, number: int, nodes: list[int], count_follows: bool = False) -> None:
+def _couple(
+    state: AnsysState, c: Command, number: int, nodes: list[int], count_follows: bool = False
+) -> None:
     kept = state.deck.coupled[number].nodes
     for node in () if count_follows else nodes:
         if node < 0 and -node in kept:
@@ -458,7 +460,7 @@ def _couple(state: State, c: Command, number: int, nodes: list[int], count_follo
             kept.append(node)
 
 
-def cpngen(state: State, c: Command) -> None:
+def cpngen(state: AnsysState, c: Command) -> None:
     """Add a range of nodes to a coupled set, or take it out (-NODE1)."""
     number = _reference(c, c.text(0), state.deck.coupled, 0)
     direction = _label_of_set(state, c, c.text(1))
@@ -469,7 +471,7 @@ def cpngen(state: State, c: Command) -> None:
     _couple(state, c, number, [sign * n for n in state.chosen(c, NODE, 2, 3)])
 
 
-def cedele(state: State, c: Command) -> None:
+def cedele(state: AnsysState, c: Command) -> None:
     """Delete equations (CEDELE) or coupled sets (CPDELE) with a selected node, or with all nodes selected."""
     deck = state.deck
     nodes = (
@@ -484,7 +486,7 @@ def cedele(state: State, c: Command) -> None:
             (deck.equations if c.key == "CEDE" else deck.coupled).pop(number)
 
 
-def cecmod(state: State, c: Command) -> None:
+def cecmod(state: AnsysState, c: Command) -> None:
     """Change the constant of an equation."""
     if c.integer(0) in state.deck.equations:
         state.deck.equations[c.integer(0)].constant = c.real(1)
@@ -493,7 +495,7 @@ def cecmod(state: State, c: Command) -> None:
 # Values of the model ----------------------------------------------------------------------------------------
 
 
-def get(state: State, c: Command) -> None:
+def get(state: AnsysState, c: Command) -> None:
     """Set a parameter to a value of the model; what ANSYS alone knows cannot be used after that."""
     try:
         value = _value(state, c)
@@ -505,7 +507,7 @@ def get(state: State, c: Command) -> None:
         c.refuse(str(reason))
 
 
-def _value(state: State, c: Command) -> float | None:
+def _value(state: AnsysState, c: Command) -> float | None:
     entity, number, item, more = c.text(1)[:4], c.raw(2), c.text(3)[:4], c.text(4)
     if entity == "ACTI":
         now = state.attributes | {"INT": 0, "CSYS": state.system}  # read in batch mode
@@ -522,12 +524,12 @@ def _value(state: State, c: Command) -> float | None:
     return None
 
 
-def forget(state: State, c: Command) -> None:
+def forget(state: AnsysState, c: Command) -> None:
     """Mark a parameter or an array that the user, a file or a command that is not read gives."""
     with suppress(ValueError):  # some commands have other things in this field
         state.script.parameters.forget(c.raw(0).partition("(")[0], f"{c.name.upper()} gives it")
 
 
-def units(state: State, c: Command) -> None:
+def units(state: AnsysState, c: Command) -> None:
     """Keep the system of units that a deck names."""
     state.deck.units = (c.text(0), c.line)

@@ -10,7 +10,7 @@ ON_AXIS = {1: 2, 3: 2, 4: 2, 8: 2, 10: 2, 16: 2, 44: 2, 180: 2, 188: 2, 189: 3, 
 
 
 @dataclass(frozen=True, slots=True)
-class Element:
+class AnsysElement:
     """An element: numbers of its type, material, real constants and section, its nodes, its line."""
 
     number: int
@@ -36,7 +36,7 @@ class SectionCommand:
 
 
 @dataclass(slots=True)
-class Equation:
+class AnsysEquation:
     """A constraint equation (CE): coefficients by node and label index, constant, line."""
 
     line: int
@@ -74,7 +74,7 @@ class AnsysDeck:
 
     file: str
     nodes: dict[int, list[float]] = field(default_factory=dict)
-    elements: dict[int, Element] = field(default_factory=dict)
+    elements: dict[int, AnsysElement] = field(default_factory=dict)
     types: dict[int, tuple[int, int]] = field(default_factory=dict)
     keyopts: dict[tuple[int, int], int] = field(default_factory=dict)
     reals: dict[int, dict[int, float]] = field(default_factory=dict)
@@ -82,7 +82,7 @@ class AnsysDeck:
     sections: dict[int, SectionCommand] = field(default_factory=dict)
     components: dict[str, tuple[str, list[int]]] = field(default_factory=dict)
     supports: dict[tuple[int, int], tuple[float, int]] = field(default_factory=dict)
-    equations: dict[int, Equation] = field(default_factory=dict)
+    equations: dict[int, AnsysEquation] = field(default_factory=dict)
     coupled: dict[int, CoupledSet] = field(default_factory=dict)
     damping: dict[str, float] = field(default_factory=dict)
     units: tuple[str, int] | None = None
@@ -97,7 +97,7 @@ class AnsysDeck:
         """Return an option of an element type, 0 unless given."""
         return self.keyopts.get((number, k), 0)
 
-    def name_number(self, element: Element) -> int:
+    def name_number(self, element: AnsysElement) -> int:
         """Return the number in the name of an element's type: 188 of BEAM188; 0 without an ET."""
         return self.types.get(element.type, (0, 0))[0]
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from fem.io import ansys_blocks, ansys_commands, ansys_selection
 from fem.io.ansys_content import AnsysDeck, counted
 from fem.io.ansys_script import Command, key_of
-from fem.io.ansys_state import ELEM, NODE, State
+from fem.io.ansys_state import ELEM, NODE, AnsysState
 from fem.io.deck import Files, words
 
-Handler = Callable[[State, Command], None]
+Handler = Callable[[AnsysState, Command], None]
 
 MODEL: dict[str, Handler] = {
     key_of(name): handler
@@ -158,7 +158,7 @@ def read_deck(path: Path) -> AnsysDeck:
         With file, line and command if a command cannot be read, a block is cut, or a command changes the
         model in a way that is not read.
     """
-    state = State.of(path.name, Files(path).first().text)
+    state = AnsysState.of(path.name, Files(path).first().text)
     for command in state.script.commands():
         if command.key in _ENDS:
             _end(state, command)
@@ -169,7 +169,7 @@ def read_deck(path: Path) -> AnsysDeck:
     return state.deck
 
 
-def _run(state: State, c: Command) -> None:
+def _run(state: AnsysState, c: Command) -> None:
     """Carry out a command."""
     handler = MODEL.get(c.key) or ANYWHERE.get(c.key)
     outside = state.processor not in ("PREP7", "SOLU")
@@ -210,7 +210,7 @@ def _is_on(c: Command) -> bool:
     return any(f.upper() not in ("", "0", "OFF") and f.strip("0.+-E ") for f in c.fields[:3])
 
 
-def _end(state: State, c: Command) -> None:
+def _end(state: AnsysState, c: Command) -> None:
     """End at the first solution: it takes what is selected; commands after it are left out by name."""
     deck, name = state.deck, c.name.upper()
     if c.key[0] != "/":

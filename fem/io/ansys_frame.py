@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fem.io.ansys_content import ON_AXIS, AnsysDeck, Element
+from fem.io.ansys_content import ON_AXIS, AnsysDeck, AnsysElement
 from fem.io.ansys_deck import read_deck
 from fem.io.ansys_sections import PlacedSection, placed_section
 from fem.io.ansys_systems import rotation
 from fem.io.array_types import Floats
 from fem.io.deck import named
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
 from fem.io.frame_parts import Found, along, axes_along, entry, supports_of, terms_of
 from fem.io.frame_sections import rod
@@ -54,7 +54,7 @@ _RELEASES = ((1, 5), (10, 4), (100, 3), (1000, 0))
 """Digits of BEAM44's KEYOPT(7) and (8), and the local directions that they release."""
 
 
-def read_ansys_frame(path: Path, units: Units) -> FrameDeck:
+def read_ansys_frame(path: Path, units: DeckUnits) -> FrameDeck:
     """Return the frame model of an ANSYS archive in SI units.
 
     Elements: BEAM3, 4, 44, 188, 189, PIPE16, 288, 289, LINK1, 8, 10, 180, COMBIN14, MASS21, MPC184 as rigid
@@ -71,19 +71,19 @@ def read_ansys_frame(path: Path, units: Units) -> FrameDeck:
     MeshError
         With file, line and command for anything that cannot be read, or that would change the result unseen.
     """
-    return _Frame(read_deck(path), Units.of(units)).deck()
+    return _Frame(read_deck(path), DeckUnits.of(units)).deck()
 
 
 @dataclass(slots=True)
 class _Frame(Found):
     source: AnsysDeck
-    units: Units
+    units: DeckUnits
     rows: dict[int, int] = field(default_factory=dict)
     dofs: dict[int, set[int]] = field(default_factory=lambda: defaultdict(set))
     bars: list[tuple] = field(default_factory=list)
     properties: list[BarProperty] = field(default_factory=list)
     known: dict[tuple, int] = field(default_factory=dict)
-    rigid: list[Element] = field(default_factory=list)
+    rigid: list[AnsysElement] = field(default_factory=list)
     fixed: set[tuple[int, int]] = field(default_factory=set)
     materials: dict[int, Material] = field(default_factory=dict)
 
@@ -139,12 +139,12 @@ class _Frame(Found):
 
     # Elements ----------------------------------------------------------------------------------------------
 
-    def _kind(self, e: Element) -> int:
+    def _kind(self, e: AnsysElement) -> int:
         if e.type not in self.source.types:
             raise self.source.error(e.line, f"element {e.number} has the type {e.type}, which no ET defines")
         return self.source.types[e.type][0]
 
-    def _frame_elements(self) -> list[Element]:
+    def _frame_elements(self) -> list[AnsysElement]:
         """Return the elements that are read; refuse others that share nodes with them."""
         mine = [e for e in self.source.elements.values() if self._kind(e) in _NAMES]
         if not any(_NAMES[self._kind(e)] in ("BEAM", "PIPE", "LINK") for e in mine):
@@ -152,7 +152,7 @@ class _Frame(Found):
             text = f"no beams, pipes or links; it has elements of the types {named(kinds) or 'none'}"
             raise self.source.error(len(kinds) and next(iter(self.source.elements.values())).line, text)
         used = {n for e in mine for n in e.nodes}
-        counts: dict[int, list[Element]] = defaultdict(list)
+        counts: dict[int, list[AnsysElement]] = defaultdict(list)
         for e in self.source.elements.values():
             if (kind := self._kind(e)) not in _NAMES and kind not in _IGNORED:
                 counts[kind].append(e)
@@ -169,7 +169,7 @@ class _Frame(Found):
             )
         return mine
 
-    def _ends(self, e: Element, count: int) -> tuple[int, ...]:
+    def _ends(self, e: AnsysElement, count: int) -> tuple[int, ...]:
         for n in e.nodes:
             if n not in self.source.nodes:
                 raise self.source.error(
@@ -180,7 +180,7 @@ class _Frame(Found):
             raise self.source.error(e.line, text)
         return e.nodes[:count]
 
-    def _dofs_of(self, e: Element) -> Iterable[tuple[int, Iterable[int]]]:
+    def _dofs_of(self, e: AnsysElement) -> Iterable[tuple[int, Iterable[int]]]:
         kind, key = self._kind(e), lambda k: self.source.keyopt(e.type, k)
         plane = {3: (0, 1, 5), 1: (0, 1)}
         if kind in _BEAMS:
@@ -197,7 +197,7 @@ class _Frame(Found):
             nodes, dofs = self._ends(e, 2), range(6 if key(1) == 1 else 3)
         return [(n, dofs) for n in nodes]
 
-    def _one(self, e: Element, component: str) -> None:
+    def _one(self, e: AnsysElement, component: str) -> None:
         kind = self._kind(e)
         if kind in _BEAMS or kind in _LINKS:
             self._bar(e, kind, component)
@@ -225,7 +225,7 @@ class _Frame(Found):
 
     # Bars --------------------------------------------------------------------------------------------------
 
-    def _bar(self, e: Element, kind: int, component: str) -> None:
+    def _bar(self, e: AnsysElement, kind: int, component: str) -> None:
         count = _BEAMS.get(kind, 2)
         ends = e.nodes[:count]
         chain = [(ends[0], ends[2]), (ends[2], ends[1])] if count == 3 else [(ends[0], ends[1])]
@@ -242,7 +242,7 @@ class _Frame(Found):
             offsets = [o @ np.array([u, y, z]) for o in (first, second)]
             self.bars.append((e.number, (i, j), prop, z, offsets, self._stiffness(e, kind)))
 
-    def _height(self, e: Element, x: Floats, count: int) -> Floats:
+    def _height(self, e: AnsysElement, x: Floats, count: int) -> Floats:
         """Return the unit vector of local z."""
         x = x / np.linalg.norm(x)
         third = e.nodes[count:]
@@ -259,10 +259,10 @@ class _Frame(Found):
         z /= np.linalg.norm(z)
         return np.cos(theta) * z + np.sin(theta) * np.cross(x, z)
 
-    def _dx(self, e: Element, start: int) -> Floats:
+    def _dx(self, e: AnsysElement, start: int) -> Floats:
         return np.array([self._real(e, k) for k in range(start, start + 3)]) * self.units.length
 
-    def _stiffness(self, e: Element, kind: int) -> Floats:
+    def _stiffness(self, e: AnsysElement, kind: int) -> Floats:
         out = np.full((2, 6), np.inf)
         for end, k in enumerate((7, 8)) if kind == 44 else ():
             for digit, direction in _RELEASES:
@@ -270,16 +270,16 @@ class _Frame(Found):
                     out[end, direction] = 0.0
         return out
 
-    def _real(self, e: Element, k: int) -> float:
+    def _real(self, e: AnsysElement, k: int) -> float:
         return self.source.reals.get(e.real, {}).get(k, 0.0)
 
-    def _needs_reals(self, e: Element) -> None:
+    def _needs_reals(self, e: AnsysElement) -> None:
         if e.real not in self.source.reals:
             text = f"element {e.number} has the real constants {e.real}, which no R or RLBLOCK defines"
             raise self.source.error(e.line, text)
 
     def _property(
-        self, e: Element, kind: int, component: str, ends: tuple[int, int]
+        self, e: AnsysElement, kind: int, component: str, ends: tuple[int, int]
     ) -> tuple[int, Floats, Floats]:
         """Return the number of a bar's property, and its offsets in element axes [m]."""
         tapered = kind in _BY_SECTION and getattr(self.source.sections.get(e.section), "kind", "") == "TAPER"
@@ -309,12 +309,12 @@ class _Frame(Found):
         pair = [np.array([0.0, *p.from_node]) for p in (first, second)]
         return self.known[key], pair[0], pair[1]
 
-    def _unique(self, name: str, e: Element) -> str:
+    def _unique(self, name: str, e: AnsysElement) -> str:
         taken = {p.name for p in self.properties}
         wanted = name if name not in taken else f"{name} material {e.mat}"
         return wanted if wanted not in taken else f"{name} part {len(taken) + 1}"
 
-    def _material(self, e: Element) -> Material:
+    def _material(self, e: AnsysElement) -> Material:
         if e.mat in self.materials:
             return self.materials[e.mat]
         values = self.source.materials.get(e.mat, {})
@@ -344,7 +344,7 @@ class _Frame(Found):
         self.materials[e.mat] = made
         return made
 
-    def _placed(self, e: Element, kind: int, material: Material) -> tuple[PlacedSection, PlacedSection]:
+    def _placed(self, e: AnsysElement, kind: int, material: Material) -> tuple[PlacedSection, PlacedSection]:
         r, u = lambda k: self._real(e, k), self.units
         if kind in _BY_SECTION or (kind == 180 and e.section in self.source.sections):
             one = placed_section(self.source, e.section, e, material.G, u)
@@ -365,7 +365,7 @@ class _Frame(Found):
             one = self._by_constants(r(1), r(3), r(2), r(8), r(9), r(10), r(12))
         return one, one
 
-    def _constants(self, e: Element, start: int, shear: int) -> PlacedSection:
+    def _constants(self, e: AnsysElement, start: int, shear: int) -> PlacedSection:
         A, Iz, Iy, _, _, J = (self._real(e, start + k) for k in range(6))
         return self._by_constants(A, Iy, Iz, J, self._real(e, shear), self._real(e, shear + 1), 0.0)
 
@@ -379,7 +379,7 @@ class _Frame(Found):
         return PlacedSection(section, (0.0, 0.0), added * self.units.mass_per_length)
 
     def _taper(
-        self, e: Element, ends: tuple[int, int], material: Material
+        self, e: AnsysElement, ends: tuple[int, int], material: Material
     ) -> tuple[PlacedSection, PlacedSection]:
         """Return the sections at the ends of an element between two stations: SECDATA,section,x,y,z."""
         command = self.source.sections[e.section]
@@ -409,7 +409,7 @@ class _Frame(Found):
 
     # Springs and masses ------------------------------------------------------------------------------------
 
-    def _spring(self, e: Element) -> None:
+    def _spring(self, e: AnsysElement) -> None:
         self._needs_reals(e)
         i, j = e.nodes[:2]
         one, form = self.source.keyopt(e.type, 2), self.source.keyopt(e.type, 3)
@@ -435,7 +435,7 @@ class _Frame(Found):
         nodes = (self.rows[i], self.rows[j])
         self.connections.append(Connection(name=f"COMBIN14 {e.number}", nodes=nodes, K=K, C=C, axes=axes))
 
-    def _mass(self, e: Element) -> None:
+    def _mass(self, e: AnsysElement) -> None:
         self._needs_reals(e)
         node, form = e.nodes[0], self.source.keyopt(e.type, 3)
         r, u = lambda k: self._real(e, k), self.units
@@ -545,7 +545,7 @@ class _Frame(Found):
         full = Damping(made.frequency, made.ratio, alpha, beta, d.get("DMPSTR", 0.0))
         return full if any(d.values()) else None
 
-    def _all_notes(self, elements: list[Element]) -> tuple[str, ...]:
+    def _all_notes(self, elements: list[AnsysElement]) -> tuple[str, ...]:
         kinds = {(self._kind(e), e.type) for e in elements}
         if any(k in (188, 288) and not self.source.keyopt(t, 3) for k, t in kinds):
             self.notes.append(

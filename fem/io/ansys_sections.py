@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem.io.ansys_content import AnsysDeck, Element, SectionCommand
-from fem.io.deck_units import Units
+from fem.io.ansys_content import AnsysDeck, AnsysElement, SectionCommand
+from fem.io.deck_units import DeckUnits
 from fem.io.faults import refuse
 from fem.io.frame_sections import angle, box, of_constants, rod, walled, with_shear
 from fem.materials import PropertyError
@@ -37,7 +37,9 @@ class PlacedSection:
     mass_per_length: float = 0.0
 
 
-def placed_section(deck: AnsysDeck, number: int, user: Element, G: float, units: Units) -> PlacedSection:
+def placed_section(
+    deck: AnsysDeck, number: int, user: AnsysElement, G: float, units: DeckUnits
+) -> PlacedSection:
     """Return a section of SECTYPE for an element whose shear modulus is G [Pa]."""
     command = deck.sections.get(number)
     if command is None:
@@ -66,13 +68,13 @@ def placed_section(deck: AnsysDeck, number: int, user: Element, G: float, units:
     raise deck.error(command.line, f"SECTYPE {number}: {text}")
 
 
-def _pipe(data: list[float], units: Units) -> PlacedSection:
+def _pipe(data: list[float], units: DeckUnits) -> PlacedSection:
     d = data[0] * units.length if data else 0.0
     t = data[1] * units.length if len(data) > 1 else 0.0
     return PlacedSection(Section.tube(d, t) if 0 < t < d / 2 else Section.circle(d))
 
 
-def _asec(data: list[float], command: SectionCommand, units: Units) -> PlacedSection:
+def _asec(data: list[float], command: SectionCommand, units: DeckUnits) -> PlacedSection:
     A, Iyy, Iyz, Izz, _, J, yc, zc, ys, zs = [*data, *[0.0] * 10][:10]
     Iy, Iz, product, J = np.array([Iyy, Izz, Iyz, J]) * units.second_moment
     k = (SHEAR_OF_ASEC, SHEAR_OF_ASEC)
@@ -81,7 +83,7 @@ def _asec(data: list[float], command: SectionCommand, units: Units) -> PlacedSec
     return _offset(section, command, centre, np.array([ys, zs]) * units.length - centre, units)
 
 
-def _controlled(made: PlacedSection, command: SectionCommand, G: float, units: Units) -> PlacedSection:
+def _controlled(made: PlacedSection, command: SectionCommand, G: float, units: DeckUnits) -> PlacedSection:
     """Return a section with the shear stiffnesses and the added mass of SECCONTROL: TXZ, -, TXY, ADDMAS."""
     values = [*command.control, 0.0, 0.0, 0.0, 0.0]
     section, (xz, _, xy) = made.section, values[:3]
@@ -93,11 +95,11 @@ def _controlled(made: PlacedSection, command: SectionCommand, G: float, units: U
     return replace(made, section=section, mass_per_length=_added(command, 3, units))
 
 
-def _added(command: SectionCommand, k: int, units: Units) -> float:
+def _added(command: SectionCommand, k: int, units: DeckUnits) -> float:
     return command.control[k] * units.mass_per_length if len(command.control) > k else 0.0
 
 
-def _shape(data: list[float], command: SectionCommand, units: Units) -> PlacedSection:
+def _shape(data: list[float], command: SectionCommand, units: DeckUnits) -> PlacedSection:
     d = [v * units.length for v in data[: _NEEDED[command.subtype]]]
     section, centre = _SHAPES[command.subtype][1](*d)
     c, s = np.cos(section.angle), np.sin(section.angle)
@@ -106,7 +108,7 @@ def _shape(data: list[float], command: SectionCommand, units: Units) -> PlacedSe
 
 
 def _offset(
-    section: Section, command: SectionCommand, centre: np.ndarray, shear: np.ndarray, units: Units
+    section: Section, command: SectionCommand, centre: np.ndarray, shear: np.ndarray, units: DeckUnits
 ) -> PlacedSection:
     """Place a section by its centroid from the builder's origin, and its shear centre from that [m]."""
     where = (command.offset[0] if command.offset else "CENT").upper()[:4] or "CENT"

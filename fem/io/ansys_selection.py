@@ -5,13 +5,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fem.io.ansys_content import LABELS, ON_AXIS, Element
+from fem.io.ansys_content import LABELS, ON_AXIS, AnsysElement
 from fem.io.ansys_script import Command
-from fem.io.ansys_state import ELEM, NODE, State
+from fem.io.ansys_state import ELEM, NODE, AnsysState
 from fem.io.array_types import Floats
 
 
-def _whole(state: State, kind: str, how: str) -> bool:
+def _whole(state: AnsysState, kind: str, how: str) -> bool:
     """Carry out the types of a selection that need no items; return whether it was one."""
     if how == "ALL":
         state.hidden[kind] = set()
@@ -24,7 +24,7 @@ def _whole(state: State, kind: str, how: str) -> bool:
     return True
 
 
-def _of_range(state: State, c: Command, kind: str, values: dict[int, int]) -> list[int]:
+def _of_range(state: AnsysState, c: Command, kind: str, values: dict[int, int]) -> list[int]:
     """Return the numbers whose values are from VMIN to VMAX, in steps of VINC."""
     if not c.raw(3):
         c.refuse("has no VMIN; give the first number of a range")
@@ -35,7 +35,7 @@ def _of_range(state: State, c: Command, kind: str, values: dict[int, int]) -> li
     return [n for n, v in values.items() if first <= v <= last and not (v - first) % step]
 
 
-def _of_place(state: State, c: Command, numbers: list[int], places: Floats) -> list[int]:
+def _of_place(state: AnsysState, c: Command, numbers: list[int], places: Floats) -> list[int]:
     """Return the numbers whose coordinate in the active system is from VMIN to VMAX."""
     axis = c.text(2)
     if axis not in ("X", "Y", "Z"):
@@ -51,13 +51,13 @@ def _of_place(state: State, c: Command, numbers: list[int], places: Floats) -> l
     return [numbers[k] for k in np.flatnonzero(inside)]
 
 
-def _named(state: State, c: Command, kind: str) -> list[int] | None:
+def _named(state: AnsysState, c: Command, kind: str) -> list[int] | None:
     """Return what a component, or FITEM, in the place of VMIN has."""
     text = c.text(3)
     return state.chosen(c, kind, 3) if text == "P51X" or state.component(text) is not None else None
 
 
-def nsel(state: State, c: Command) -> None:
+def nsel(state: AnsysState, c: Command) -> None:
     """Select nodes by number, component or place."""
     how, item = c.text(0) or "S", c.text(1) or "NODE"
     if _whole(state, NODE, how):
@@ -73,7 +73,7 @@ def nsel(state: State, c: Command) -> None:
     state.select(NODE, how, found, c)
 
 
-_ATTRIBUTES: dict[str, Callable[[State, Element], int]] = {
+_ATTRIBUTES: dict[str, Callable[[AnsysState, AnsysElement], int]] = {
     "ELEM": lambda state, e: e.number,
     "TYPE": lambda state, e: e.type,
     "MAT": lambda state, e: e.mat,
@@ -84,7 +84,7 @@ _ATTRIBUTES: dict[str, Callable[[State, Element], int]] = {
 }
 
 
-def esel(state: State, c: Command) -> None:
+def esel(state: AnsysState, c: Command) -> None:
     """Select elements by number, component, attribute, name of their type or place of their centre."""
     how, item = c.text(0) or "S", c.text(1)[:4] or "ELEM"
     if _whole(state, ELEM, how):
@@ -105,7 +105,7 @@ def esel(state: State, c: Command) -> None:
     state.select(ELEM, how, found, c)
 
 
-def nsle(state: State, c: Command) -> None:
+def nsle(state: AnsysState, c: Command) -> None:
     """Select the nodes of the selected elements."""
     which = c.text(1)[:4] or "ALL"
     if which not in ("ALL", "ACTI", "INAC"):
@@ -118,7 +118,7 @@ def nsle(state: State, c: Command) -> None:
     state.select(NODE, c.text(0) or "S", found & set(state.deck.nodes), c)
 
 
-def esln(state: State, c: Command) -> None:
+def esln(state: AnsysState, c: Command) -> None:
     """Select the elements with a selected node, or with all nodes selected."""
     which = c.text(2)[:4] or "ALL"
     if which not in ("ALL", "ACTI"):
@@ -131,7 +131,7 @@ def esln(state: State, c: Command) -> None:
     state.select(ELEM, c.text(0) or "S", found, c)
 
 
-def allsel(state: State, c: Command) -> None:
+def allsel(state: AnsysState, c: Command) -> None:
     """Select everything, or the nodes below the selected elements."""
     how, entity = c.text(0) or "ALL", c.text(1)[:4] or "ALL"
     if how == "ALL":
@@ -146,7 +146,7 @@ def allsel(state: State, c: Command) -> None:
         c.refuse(f"has the type '{how[:20]}', which is neither ALL nor BELOW")
 
 
-def cmsel(state: State, c: Command) -> None:
+def cmsel(state: AnsysState, c: Command) -> None:
     """Select the nodes or elements of a component."""
     how = c.text(0) or "S"
     names = list(state.deck.components) if how in ("ALL", "NONE") else []
@@ -166,18 +166,18 @@ def cmsel(state: State, c: Command) -> None:
         state.select(kind, {"ALL": "A", "NONE": "U"}.get(how, how), kinds[kind], c)
 
 
-def cm(state: State, c: Command) -> None:
+def cm(state: AnsysState, c: Command) -> None:
     """Name what is selected."""
     kind = c.text(1)[:4]
     state.add_component(c.raw(0), kind, state.selected(kind) if kind in (NODE, ELEM) else [])
 
 
-def cmdele(state: State, c: Command) -> None:
+def cmdele(state: AnsysState, c: Command) -> None:
     """Delete a component."""
     state.deck.components.pop(state.component(c.text(0)) or "", None)
 
 
-def dofsel(state: State, c: Command) -> None:
+def dofsel(state: AnsysState, c: Command) -> None:
     """Select the degrees of freedom that the label ALL stands for."""
     how, every = c.text(0) or "S", set(LABELS.values())
     groups = {"U": {0, 1, 2}, "ROT": {3, 4, 5}, "DISP": every, **{name: {k} for name, k in LABELS.items()}}
@@ -189,17 +189,17 @@ def dofsel(state: State, c: Command) -> None:
         ]
 
 
-def seltol(state: State, c: Command) -> None:
+def seltol(state: AnsysState, c: Command) -> None:
     """Set the tolerance of selections by place, or return to the rule."""
     state.tolerance = c.real(0) if c.raw(0) else None
 
 
-def flst(state: State, c: Command) -> None:
+def flst(state: AnsysState, c: Command) -> None:
     """Begin a list of picked items."""
     state.picked = []
 
 
-def fitem(state: State, c: Command) -> None:
+def fitem(state: AnsysState, c: Command) -> None:
     """Add picked items: a negative number ends a range."""
     for value in c.integers(1):
         if value < 0:

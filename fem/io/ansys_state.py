@@ -5,18 +5,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fem.io.ansys_content import LABELS, AnsysDeck, Element, SectionCommand
+from fem.io.ansys_content import LABELS, AnsysDeck, AnsysElement, SectionCommand
 from fem.io.ansys_parameters import Parameters
 from fem.io.ansys_script import Command, Script
-from fem.io.ansys_systems import GLOBAL, System
+from fem.io.ansys_systems import GLOBAL, AnsysSystem
 from fem.io.array_types import Floats
-from fem.io.deck import Budget, words
+from fem.io.deck import DeckBudget, words
 
 NODE, ELEM = "NODE", "ELEM"
 
 
 @dataclass(slots=True)
-class State:
+class AnsysState:
     """A model while commands make it.
 
     Attributes
@@ -42,7 +42,7 @@ class State:
     hidden: dict[str, set[int]] = field(default_factory=lambda: {NODE: set(), ELEM: set()})
     attributes: dict[str, int] = field(default_factory=lambda: {"TYPE": 1, "MAT": 1, "REAL": 1, "SECNUM": 1})
     system: int = 0
-    systems: dict[int, System] = field(default_factory=lambda: dict(GLOBAL))
+    systems: dict[int, AnsysSystem] = field(default_factory=lambda: dict(GLOBAL))
     labels: set[int] = field(default_factory=lambda: set(LABELS.values()))
     tolerance: float | None = None
     picked: list[int] = field(default_factory=list)
@@ -51,10 +51,10 @@ class State:
     last_real: tuple[int, int] = (0, 1)
     pending: list[int] = field(default_factory=list)
     last_element: int = 0
-    budget: Budget = field(default_factory=Budget)
+    budget: DeckBudget = field(default_factory=DeckBudget)
 
     @classmethod
-    def of(cls, file: str, text: str) -> "State":
+    def of(cls, file: str, text: str) -> "AnsysState":
         """Return the state before the first command of a file."""
         deck, parameters = AnsysDeck(file), Parameters()
         state = cls(deck, Script.of(deck, parameters, text))
@@ -145,7 +145,7 @@ class State:
         self, number: int, attributes: tuple[int, int, int, int], nodes: Sequence[int], line: int
     ) -> None:
         """Define an element by its type, material, real constants and section; it is selected."""
-        self.deck.elements[number] = Element(number, *attributes, tuple(n for n in nodes if n), line)
+        self.deck.elements[number] = AnsysElement(number, *attributes, tuple(n for n in nodes if n), line)
         self.hidden[ELEM].discard(number)
         self.last_element = max(self.last_element, number)
 
@@ -162,7 +162,7 @@ class State:
 
     # Places ------------------------------------------------------------------------------------------------
 
-    def active(self, c: Command) -> System:
+    def active(self, c: Command) -> AnsysSystem:
         """Return the active coordinate system."""
         if self.system not in self.systems:
             known = ", ".join(map(str, self.systems))
@@ -189,7 +189,7 @@ class State:
         if number not in self.deck.nodes:
             msg = f"node {number:g} is not defined"
             raise ValueError(msg)
-        system = self.systems.get(self.system, System())
+        system = self.systems.get(self.system, AnsysSystem())
         return float(system.of_global(self.points([int(number)]))[0, k])
 
     def _nearest(self, *local: float) -> float:
@@ -197,7 +197,7 @@ class State:
         if not numbers:
             msg = "no node is selected"
             raise ValueError(msg)
-        point = self.systems.get(self.system, System()).to_global(np.array([local]))
+        point = self.systems.get(self.system, AnsysSystem()).to_global(np.array([local]))
         return float(numbers[int(np.argmin(np.linalg.norm(self.points(numbers) - point, axis=1)))])
 
 

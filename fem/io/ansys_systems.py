@@ -28,7 +28,7 @@ def angles_of(axes: Floats) -> list[float]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class System:
+class AnsysSystem:
     """A coordinate system.
 
     Attributes
@@ -72,9 +72,9 @@ class System:
 
 
 GLOBAL = {
-    0: System(),
-    1: System(1),
-    2: System(2),
-    5: System(1, rotation(0.0, -90.0, 0.0)),
+    0: AnsysSystem(),
+    1: AnsysSystem(1),
+    2: AnsysSystem(2),
+    5: AnsysSystem(1, rotation(0.0, -90.0, 0.0)),
 }
 """Cartesian, cylindrical about Z, spherical, cylindrical about Y."""

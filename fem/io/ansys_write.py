@@ -21,7 +21,7 @@ from fem.io.deck_nodes import (
     with_nodes,
     wrapped,
 )
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty, Body, Connection
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
@@ -54,17 +54,17 @@ class _Numbers:
 
 
 def ansys_text(
-    deck: ModelDeck, units: "str | Units" = "SI", heading: Sequence[str] = (), modes: int = 20
+    deck: ModelDeck, units: "str | DeckUnits" = "SI", heading: Sequence[str] = (), modes: int = 20
 ) -> str:
     """Return ANSYS commands: all of a model with a solution for its modes, or commands for one.
 
     Arguments are those of :func:`fem.io.nastran_write.nastran_text`.
     """
-    return text_of("!", heading, [*commands(deck, Units.of(units), modes), *notes_of("!", deck)])
+    return text_of("!", heading, [*commands(deck, DeckUnits.of(units), modes), *notes_of("!", deck)])
 
 
 def commands(
-    deck: ModelDeck, u: Units, modes: int = 20, attributes: Mapping[int, Attributes] | None = None
+    deck: ModelDeck, u: DeckUnits, modes: int = 20, attributes: Mapping[int, Attributes] | None = None
 ) -> list[str]:
     """Return the commands of a deck without heading and notes.
 
@@ -120,7 +120,7 @@ def command(name: str, *values: object) -> str:
     return ",".join([name, *(repr(float(v)) if isinstance(v, float) else str(v) for v in values)])
 
 
-def _material(m: Material, n: int, u: Units) -> Iterator[str]:
+def _material(m: Material, n: int, u: DeckUnits) -> Iterator[str]:
     yield from wrapped("!", m.name)
     values = {"EX": m.E / u.stress, "PRXY": m.nu, "DENS": m.rho / u.density, "DMPS": m.loss_factor}
     yield from (
@@ -129,7 +129,7 @@ def _material(m: Material, n: int, u: Units) -> Iterator[str]:
 
 
 def _bars(
-    deck: ModelDeck, u: Units, numbers: _Numbers, attributes: Mapping[int, Attributes]
+    deck: ModelDeck, u: DeckUnits, numbers: _Numbers, attributes: Mapping[int, Attributes]
 ) -> Iterator[str]:
     """Yield materials, sections and bars: LINK180, and cubic BEAM188 with a node towards the height."""
     for k, (tables, toward) in attributes.items():
@@ -166,7 +166,7 @@ def _bars(
         yield command("EN", n, *ends, *up)
 
 
-def section_commands(p: BarProperty, n: int, u: Units) -> Iterator[str]:
+def section_commands(p: BarProperty, n: int, u: DeckUnits) -> Iterator[str]:
     """Yield the section of bars, by its constants."""
     s, line = p.section, float(p.mass_per_length / u.mass_per_length)
     if p.theory == "bar":
@@ -185,7 +185,7 @@ def section_commands(p: BarProperty, n: int, u: Units) -> Iterator[str]:
     yield command("SECCONTROL", xz, 0, xy, line)
 
 
-def _bodies(deck: ModelDeck, u: Units, numbers: _Numbers) -> Iterator[str]:
+def _bodies(deck: ModelDeck, u: DeckUnits, numbers: _Numbers) -> Iterator[str]:
     """Yield MASS21, which has no products of inertia."""
     for b in deck.bodies:
         t, e = numbers.next("table"), numbers.next("element")
@@ -211,7 +211,7 @@ def _springy(c: Connection) -> bool:
     return plain(c) and not c.D.any() and np.array_equal(c.axes, np.eye(3))
 
 
-def _springs(deck: ModelDeck, u: Units, numbers: _Numbers, ground: list[int]) -> Iterator[str]:
+def _springs(deck: ModelDeck, u: DeckUnits, numbers: _Numbers, ground: list[int]) -> Iterator[str]:
     for c in deck.connections:
         yield from wrapped("!", c.name)
         if not (c.K.any() or c.C.any()):
@@ -241,7 +241,7 @@ def _bare_nodes(deck: ModelDeck, equations: Equations, numbers: _Numbers) -> Ite
         yield from (command("EN", numbers.next("element"), deck.nodes[n]) for n in bare)
 
 
-def _equations(deck: ModelDeck, equations: Equations, u: Units) -> Iterator[str]:
+def _equations(deck: ModelDeck, equations: Equations, u: DeckUnits) -> Iterator[str]:
     cells = equation_cells(deck, equations, LABEL, u, "!")
     for number, (comment, row) in enumerate(cells, deck.first.get("equation", PART if deck.part else 1)):
         yield from comment

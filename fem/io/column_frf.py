@@ -17,7 +17,7 @@ from fem.io.faults import error_at, refuse
 from fem.io.frf_labels import NAMES, Unit, decibel_reference, frequency_factor, frf_unit
 from fem.io.frf_reading import FORMS, Asked, Reading
 from fem.io.header_keys import Described, keyed_header
-from fem.io.units import LONGEST_HEADING, Heading, split_heading
+from fem.io.units import LONGEST_HEADING, UnitHeading, split_heading
 
 _PARTS: dict[str, str] = {
     "real": r"re|real|realteil|realpart",
@@ -252,7 +252,7 @@ class _Table:
             )
         heading = split_heading(cell)
         if frf_unit(heading.unit) is None:
-            heading = Heading(cell)
+            heading = UnitHeading(cell)
         written = _WRITTEN.fullmatch(heading.name)
         if written is not None:
             part = {"re": "real", "im": "imag"}[written[1]]

@@ -35,7 +35,7 @@ class DeckFile:
 
 
 @dataclass(slots=True)
-class Budget:
+class DeckBudget:
     """How much may still be generated."""
 
     remaining: int = MOST_GENERATED

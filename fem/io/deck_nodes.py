@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fem.elements.axes import axes_of
 from fem.io.array_types import Floats
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
 from fem.io.frame_parts import Found
@@ -368,7 +368,7 @@ def connection_matrices(deck: FrameDeck, c: Connection) -> NodeMatrices:
 
 
 def matrix_entries(
-    deck: ModelDeck, quantity: str, units: Units, matrices: Sequence[NodeMatrices]
+    deck: ModelDeck, quantity: str, units: DeckUnits, matrices: Sequence[NodeMatrices]
 ) -> dict[tuple[int, int], dict[tuple[int, int], float]]:
     """Return the columns of the sum of matrices K, M, C or D, lower triangle, in a deck's units.
 
@@ -385,12 +385,12 @@ def matrix_entries(
     return {j: dict(sorted(out[j].items())) for j in sorted(out)}
 
 
-def scale_of(direction: str, units: Units) -> float:
+def scale_of(direction: str, units: DeckUnits) -> float:
     """Return one unit of a motion in a direction [m, rad]."""
     return 1.0 if direction[0] == "r" else units.length
 
 
-def matrix_scale(n: int, quantity: str, units: Units) -> Floats:
+def matrix_scale(n: int, quantity: str, units: DeckUnits) -> Floats:
     """Return one unit of each entry of a matrix K, M, C or D of n nodes, (6 n, 6 n) [SI]."""
     per_time = {"K": units.time**2, "D": units.time**2, "C": units.time, "M": 1.0}[quantity]
     arm = np.tile(units.of_motions, n)
@@ -432,7 +432,7 @@ def equation_cells(
     deck: ModelDeck,
     equations: Sequence[tuple[str, tuple[Term, ...]]],
     label: Mapping[str, Any],
-    units: Units,
+    units: DeckUnits,
     mark: str,
 ) -> Iterator[tuple[list[str], list[tuple[Any, ...]]]]:
     """Yield the name of each equation as a comment, where it is new, and its terms in the deck's units."""

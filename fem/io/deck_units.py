@@ -16,7 +16,7 @@ USUAL_MODULUS = 1e11
 
 
 @dataclass(frozen=True, slots=True)
-class Units:
+class DeckUnits:
     """A consistent system of units; a deck's value times one of these is the value in SI.
 
     Angles are in radians.
@@ -32,9 +32,9 @@ class Units:
     time: float = 1.0
 
     @classmethod
-    def of(cls, units: "str | Sequence[float] | Units") -> "Units":
+    def of(cls, units: "str | Sequence[float] | DeckUnits") -> "DeckUnits":
         """Return the units of a name, such as ``"mm-t-s"``, or of length, mass and time [m, kg, s]."""
-        if isinstance(units, Units):
+        if isinstance(units, DeckUnits):
             return units
         try:
             return cls(*consistent_units(units))
@@ -97,7 +97,7 @@ class Units:
         return np.repeat([1.0, self.length], 3)
 
 
-def likely_units(materials: Sequence[Material], units: Units) -> str:
+def likely_units(materials: Sequence[Material], units: DeckUnits) -> str:
     """Return the units that make usual solids of a deck's materials; empty if these are usual, or none do.
 
     Parameters
@@ -109,7 +109,7 @@ def likely_units(materials: Sequence[Material], units: Units) -> str:
     odd = [m for m in materials if not (MODULUS[0] <= m.E <= MODULUS[1] and _fits(m.rho, DENSITY, m))]
     best = ("", FARTHEST_SOUND)
     for name, sizes in UNITS.items() if odd else ():
-        other = Units(*sizes)
+        other = DeckUnits(*sizes)
         off = 0.0
         for m in odd:
             E, rho = m.E * other.stress / units.stress, m.rho * other.density / units.density

@@ -21,7 +21,7 @@ from fem.elements.axes import axes_of, is_parallel
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.io.array_types import Bools, Floats, Ints
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.faults import error_at
 from fem.io.frame_deck import Connection, FrameDeck
 from fem.io.frame_nodes import Nodes
@@ -42,7 +42,7 @@ SAME = 1e-7
 """Distance of unit vectors up to which bars have the same orientation: decks give about eight digits."""
 
 
-def read_deck(path: str | os.PathLike[str], units: str | Sequence[float] | Units = "SI") -> FrameDeck:
+def read_deck(path: str | os.PathLike[str], units: str | Sequence[float] | DeckUnits = "SI") -> FrameDeck:
     """Read the frame model of a Nastran, Abaqus, CalculiX or ANSYS deck; its text says the program.
 
     Parameters
@@ -65,11 +65,11 @@ def read_deck(path: str | os.PathLike[str], units: str | Sequence[float] | Units
     if not file.is_file():
         raise error_at(file, "there is no such file")
     module, function = _READERS[program]
-    reader: Callable[[Path, Units], FrameDeck] = getattr(importlib.import_module(module), function)
-    return reader(file, Units.of(units))
+    reader: Callable[[Path, DeckUnits], FrameDeck] = getattr(importlib.import_module(module), function)
+    return reader(file, DeckUnits.of(units))
 
 
-def read_model(path: str | os.PathLike[str], units: str | Sequence[float] | Units = "SI") -> Model:
+def read_model(path: str | os.PathLike[str], units: str | Sequence[float] | DeckUnits = "SI") -> Model:
     """Read the model of a Nastran, Abaqus, CalculiX or ANSYS deck.
 
     The elements are the deck's; ``model.with_mesh(model.mesh.refined(size))`` has smaller ones. Members are

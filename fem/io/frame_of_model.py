@@ -102,7 +102,7 @@ class ModelDeck(FrameDeck):
 
 
 @dataclass(slots=True)
-class _Parts(Found):
+class _DeckParts(Found):
     """What has been found of a model so far; ``joints`` are the rows of connections by name."""
 
     joints: dict[str, int] = field(default_factory=dict)
@@ -132,7 +132,7 @@ def deck_of(model: Model, file: str = "model") -> ModelDeck:
         Name of the deck.
     """
     model, springs = with_places(model)
-    parts = _Parts(points=list(model.mesh.points))
+    parts = _DeckParts(points=list(model.mesh.points))
     bars, properties = _bars(model, springs)
     _add_constraints(model, parts)
     for effect in model.effects:
@@ -278,7 +278,7 @@ def _factors(model: Model, member: str) -> dict[str, float]:
     return out
 
 
-def _add_constraints(model: Model, parts: _Parts) -> None:
+def _add_constraints(model: Model, parts: _DeckParts) -> None:
     """Add supports, and the equations that neither joints nor rigid links state."""
     n = 6 * model.mesh.n_points
     fixed: dict[int, set[str]] = {}
@@ -305,7 +305,7 @@ def _joins(joint: Joint, model: Model) -> bool:
     return len(joint.relative(model)[0]) == (6 if joint.point2 is None else 12)
 
 
-def _add_effect(effect: Effect, model: Model, parts: _Parts) -> None:
+def _add_effect(effect: Effect, model: Model, parts: _DeckParts) -> None:
     """Add one effect to the parts of a deck."""
     if isinstance(effect, (*FOLDED, SectionShear, Crack, EndRelease)) or _along(effect):
         return
@@ -354,7 +354,7 @@ def _of_joint(joint: Joint, model: Model) -> Connection:
     )
 
 
-def _add_sprung_mass(e: SprungMass, model: Model, parts: _Parts) -> None:
+def _add_sprung_mass(e: SprungMass, model: Model, parts: _DeckParts) -> None:
     """Add a node with the body at its centre, and the springs that it is on."""
     place = model.mesh.points[e.point] + e.arm
     node = parts.point(place)
@@ -370,7 +370,7 @@ def _add_sprung_mass(e: SprungMass, model: Model, parts: _Parts) -> None:
     )
 
 
-def _add_contributions(effect: Effect, model: Model, parts: _Parts) -> None:
+def _add_contributions(effect: Effect, model: Model, parts: _DeckParts) -> None:
     """Add what an effect contributes to K, M, C and D on the nodes that it acts on."""
     node_of = _internal_nodes(effect, model, parts)
     for c in effect.contribute(model):
@@ -395,7 +395,7 @@ def _add_contributions(effect: Effect, model: Model, parts: _Parts) -> None:
             _add_matrices(effect, parts, nodes, X)
 
 
-def _internal_nodes(effect: Effect, model: Model, parts: _Parts) -> dict[int, tuple[int, int]]:
+def _internal_nodes(effect: Effect, model: Model, parts: _DeckParts) -> dict[int, tuple[int, int]]:
     """Return the node and direction of each internal coordinate of an effect: nodes are made for them."""
     if not effect.internal.n:
         return {}
@@ -423,7 +423,7 @@ def _elements(
         yield nodes, out
 
 
-def _add_matrices(effect: Effect, parts: _Parts, nodes: tuple[int, ...], X: dict[str, Floats]) -> None:
+def _add_matrices(effect: Effect, parts: _DeckParts, nodes: tuple[int, ...], X: dict[str, Floats]) -> None:
     """Add matrices of nodes as a connection and a body where they are those of one, else as they are."""
     points, zero = np.array([parts.points[n] for n in nodes]), np.zeros_like(X["K"])
     springs = {key: X[key] for key in "KCD" if X[key].any()}
@@ -446,7 +446,7 @@ def _costs_nothing(points: Floats, springs: dict[str, Floats]) -> bool:
     )
 
 
-def _add_connection(effect: Effect, parts: _Parts, nodes: tuple[int, ...], springs: Any) -> None:
+def _add_connection(effect: Effect, parts: _DeckParts, nodes: tuple[int, ...], springs: Any) -> None:
     """Add matrices (6, 6) at the first node to the effect's joint, if it has one there, else a connection."""
     first, second = (*nodes, None)[:2]
     place = parts.points[nodes[0]]

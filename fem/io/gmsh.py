@@ -15,8 +15,8 @@ from fem.io.array_types import Ints
 from fem.io.faults import error_at
 from fem.io.gmsh_elements import (
     Entity,
-    Lines,
-    Nodes,
+    GmshLines,
+    GmshNodes,
     read_elements_1_and_2,
     read_elements_4,
     read_entities,
@@ -169,7 +169,7 @@ _Pairs = list[tuple[int, bool, Ints]]
 
 
 def _groups_4(
-    lines: Lines, nodes: Nodes, entities: dict[tuple[int, int], Entity], notes: list[str]
+    lines: GmshLines, nodes: GmshNodes, entities: dict[tuple[int, int], Entity], notes: list[str]
 ) -> tuple[_Pairs, _Pairs]:
     """Return the groups of the lines and of the points by the entities that they belong to."""
     pairs: _Pairs = []
@@ -198,7 +198,7 @@ def _groups_4(
     return pairs, point_pairs
 
 
-def _groups_2(lines: Lines, notes: list[str]) -> tuple[_Pairs, _Pairs]:
+def _groups_2(lines: GmshLines, notes: list[str]) -> tuple[_Pairs, _Pairs]:
     """Return the groups that the elements themselves name; an element of two groups is there twice.
 
     Elements with the same nodes are one line where they belong to one curve or have one number; two curves
@@ -237,7 +237,7 @@ def _by_value(values: Ints) -> Iterator[tuple[int, Ints]]:
         yield int(values[rows[0]]), rows
 
 
-def _sets(pairs: _Pairs, names: _Names, lines: Lines) -> LineSets:
+def _sets(pairs: _Pairs, names: _Names, lines: GmshLines) -> LineSets:
     pairs = sorted(pairs, key=lambda pair: int(pair[2][0]))
     called = [names.of(1, tag) if group else names.of_curve(tag) for tag, group, _ in pairs]
     number_of = {name: k for k, name in enumerate(dict.fromkeys(called))}
@@ -248,7 +248,7 @@ def _sets(pairs: _Pairs, names: _Names, lines: Lines) -> LineSets:
     return LineSets(list(number_of), number, rows)
 
 
-def _point_sets(pairs: _Pairs, names: _Names, nodes: Nodes) -> dict[str, Ints]:
+def _point_sets(pairs: _Pairs, names: _Names, nodes: GmshNodes) -> dict[str, Ints]:
     found: dict[str, list[Ints]] = {}
     for tag, _, numbers in pairs:
         rows = nodes.rows(numbers)
@@ -259,7 +259,7 @@ def _point_sets(pairs: _Pairs, names: _Names, nodes: Nodes) -> dict[str, Ints]:
 # Nodes and lines --------------------------------------------------------------------------------------------
 
 
-def _distinct_nodes(file: MshFile, nodes: Nodes, notes: list[str]) -> Nodes:
+def _distinct_nodes(file: MshFile, nodes: GmshNodes, notes: list[str]) -> GmshNodes:
     """Return the nodes, each number once; refuse a number that stands for two places."""
     order = np.argsort(nodes.number, kind="stable")
     again = np.flatnonzero(np.diff(nodes.number[order]) == 0) + 1
@@ -281,7 +281,7 @@ def _more(n: int) -> str:
     return f" ({n - 1} more so)" if n > 1 else ""
 
 
-def _note_numbers(lines: Lines, notes: list[str]) -> None:
+def _note_numbers(lines: GmshLines, notes: list[str]) -> None:
     """Note an element number that is used twice; both elements are read."""
     order = np.argsort(lines.number, kind="stable")
     again = np.flatnonzero(np.diff(lines.number[order]) == 0) + 1
@@ -293,7 +293,7 @@ def _note_numbers(lines: Lines, notes: list[str]) -> None:
         )
 
 
-def _rows_of(file: MshFile, nodes: Nodes, lines: Lines) -> Ints:
+def _rows_of(file: MshFile, nodes: GmshNodes, lines: GmshLines) -> Ints:
     """Return the points of each line, -1 beyond its last; refuse nodes that are not there or not finite."""
     rows = nodes.rows(lines.nodes)
     missing = (rows < 0) & (lines.nodes >= 0) | (lines.nodes < -1)
@@ -316,7 +316,9 @@ def _rows_of(file: MshFile, nodes: Nodes, lines: Lines) -> Ints:
     return rows
 
 
-def _fill(raw: RawMesh, nodes: Nodes, lines: Lines, rows: Ints, sets: LineSets, notes: list[str]) -> None:
+def _fill(
+    raw: RawMesh, nodes: GmshNodes, lines: GmshLines, rows: Ints, sets: LineSets, notes: list[str]
+) -> None:
     """Hand over points, lines and sets; lines of order 3 and more become several of two nodes."""
     raw.points, raw.point_numbers, raw.line_numbers = nodes.xyz, nodes.number, lines.number
     raw.lines = rows[:, :3]

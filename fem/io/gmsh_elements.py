@@ -27,7 +27,7 @@ _NODES = {**_LINES, _POINT: 1, **{kind: n for kinds in _OTHERS.values() for kind
 
 
 @dataclass(slots=True)
-class Nodes:
+class GmshNodes:
     """Nodes in the order of the file.
 
     Attributes
@@ -49,9 +49,9 @@ class Nodes:
         """Return the line or byte of a node."""
         return self.where(int(self.at[row]))
 
-    def keep(self, rows: Ints) -> "Nodes":
+    def keep(self, rows: Ints) -> "GmshNodes":
         """Return some of the nodes."""
-        return Nodes(self.number[rows], self.xyz[rows], self.at[rows], self.where, self.on_points)
+        return GmshNodes(self.number[rows], self.xyz[rows], self.at[rows], self.where, self.on_points)
 
     def rows(self, numbers: Ints) -> Ints:
         """Return the rows of nodes by their numbers, -1 for numbers that are not there."""
@@ -66,7 +66,7 @@ class Nodes:
 
 
 @dataclass(slots=True)
-class Lines:
+class GmshLines:
     """Elements that are lines, in the order of the file.
 
     Attributes
@@ -89,7 +89,7 @@ class Lines:
     points: list[tuple[int, Ints]] = field(default_factory=list)
 
     @classmethod
-    def of(cls, parts: "list[_Part]", where: Callable[[int], str]) -> "Lines":
+    def of(cls, parts: "list[_Part]", where: Callable[[int], str]) -> "GmshLines":
         """Return the lines and points of all parts in the order of the file."""
         lines = [part for part in parts if part.kind in _LINES]
         k = max((part.nodes.shape[1] for part in lines), default=2)
@@ -177,7 +177,7 @@ def _count_others(left_out: Counter[str], kind: int, n: int) -> None:
 # Formats 1 and 2 --------------------------------------------------------------------------------------------
 
 
-def read_nodes_1_and_2(file: MshFile) -> Nodes:
+def read_nodes_1_and_2(file: MshFile) -> GmshNodes:
     """Read one node a line; those with parameters on a curve or surface have more numbers."""
     names = ("NOD", "ParametricNodes") if file.version == "1" else ("Nodes", "ParametricNodes")
     section = next(s for name in names if (s := file.section(name)))
@@ -189,7 +189,7 @@ def read_nodes_1_and_2(file: MshFile) -> Nodes:
         at = source.at + 28 * np.arange(min(n, len(file.data)))
         found = source.take([("number", f"{file.order}i4"), ("xyz", f"{file.order}f8", 3)], n)
         source.finish()
-        return Nodes(found["number"].astype(np.int64), found["xyz"].astype(float), at, source.place)
+        return GmshNodes(found["number"].astype(np.int64), found["xyz"].astype(float), at, source.place)
     words = Words(file, section)
     first, count = _records(words, "nodes")
     wrong = count < 4 if section.name == "ParametricNodes" else count != 4
@@ -198,7 +198,7 @@ def read_nodes_1_and_2(file: MshFile) -> Nodes:
         words.refuse(f"{count[k]} numbers, where a node has its number, x, y, z", int(first[k]))
     words.at = 0
     number = words.integers(first)
-    return Nodes(number, words.values[first[:, None] + [1, 2, 3]], first, words.place)
+    return GmshNodes(number, words.values[first[:, None] + [1, 2, 3]], first, words.place)
 
 
 def _records(words: Words, what: str) -> tuple[Ints, Ints]:
@@ -214,7 +214,7 @@ def _records(words: Words, what: str) -> tuple[Ints, Ints]:
     return start[1:], count[1:]
 
 
-def read_elements_1_and_2(file: MshFile, left_out: Counter[str]) -> Lines:
+def read_elements_1_and_2(file: MshFile, left_out: Counter[str]) -> GmshLines:
     """Read one element a line, or blocks of a type in binary form."""
     section = file.section("ELM" if file.version == "1" else "Elements")
     assert section is not None
@@ -257,10 +257,10 @@ def read_elements_1_and_2(file: MshFile, left_out: Counter[str]) -> Lines:
             continue
         nodes = v[(first + skip)[rows][:, None] + np.arange(n or 0)]
         parts.append(_Part(k, v[first[rows]], nodes, entity[rows], group[rows], first[rows], True))
-    return Lines.of(parts, words.place)
+    return GmshLines.of(parts, words.place)
 
 
-def _binary_elements_2(source: Bytes, left_out: Counter[str]) -> Lines:
+def _binary_elements_2(source: Bytes, left_out: Counter[str]) -> GmshLines:
     announced, read = source.text_count(), 0
     parts: list[_Part] = []
     while read < announced:
@@ -290,7 +290,7 @@ def _binary_elements_2(source: Bytes, left_out: Counter[str]) -> Lines:
     if read != announced:
         source.refuse(f"{announced} elements are announced, and {read} are there")
     source.finish()
-    return Lines.of(parts, source.place)
+    return GmshLines.of(parts, source.place)
 
 
 # Format 4 ---------------------------------------------------------------------------------------------------
@@ -359,7 +359,7 @@ def _block(source: Words | Bytes, file: MshFile) -> tuple[int, int, int, int]:
     return dimension, tag, kind, int(source.sizes(1)[0])
 
 
-def read_nodes_4(file: MshFile) -> Nodes:
+def read_nodes_4(file: MshFile) -> GmshNodes:
     """Read blocks of nodes: numbers, then coordinates; in format 4.0 both in one line."""
     source = _source(file, "Nodes")
     assert source is not None
@@ -385,7 +385,7 @@ def read_nodes_4(file: MshFile) -> Nodes:
             on_points.append((tag, numbers[-1]))
     found = np.concatenate(numbers)
     _check_total(source, announced, len(found), "nodes")
-    return Nodes(found, np.concatenate(xyz), np.concatenate(at), source.place, on_points)
+    return GmshNodes(found, np.concatenate(xyz), np.concatenate(at), source.place, on_points)
 
 
 def _check_total(source: Words | Bytes, announced: int, n: int, what: str) -> None:
@@ -394,7 +394,7 @@ def _check_total(source: Words | Bytes, announced: int, n: int, what: str) -> No
         source.refuse(f"{announced} {what} are announced, and its blocks have {n}")
 
 
-def read_elements_4(file: MshFile, left_out: Counter[str]) -> Lines:
+def read_elements_4(file: MshFile, left_out: Counter[str]) -> GmshLines:
     """Read blocks of elements of one type and entity."""
     source = _source(file, "Elements", integers=True)
     assert source is not None
@@ -415,4 +415,4 @@ def read_elements_4(file: MshFile, left_out: Counter[str]) -> Lines:
         at = begin + (source.at - begin) // max(n, 1) * np.arange(n)
         parts.append(_Part(kind, rows[:, 0], rows[:, 1:], of, np.zeros(n, dtype=np.int64), at, False))
     _check_total(source, announced, read, "elements")
-    return Lines.of(parts, source.place)
+    return GmshLines.of(parts, source.place)

@@ -27,7 +27,7 @@ LARGEST_INTEGER = 2**53
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class GmshSection:
     """Where a section's content begins and ends in the file, and the line of its name."""
 
     name: str
@@ -54,7 +54,7 @@ class MshFile:
 
     name: str
     data: bytes
-    sections: list[Section]
+    sections: list[GmshSection]
     stray: list[int]
     version: str = "1"
     binary: bool = False
@@ -69,7 +69,7 @@ class MshFile:
         """Raise an error that names the file and the place."""
         raise error_at(self.name, f"{where}: {reason}")
 
-    def section(self, name: str) -> Section | None:
+    def section(self, name: str) -> GmshSection | None:
         """Return the section of a name; more than one of it are refused, because each has a count."""
         found = [section for section in self.sections if section.name == name]
         if len(found) > 1:
@@ -78,7 +78,7 @@ class MshFile:
             )
         return found[0] if found else None
 
-    def text_lines(self, section: Section) -> list[tuple[int, str]]:
+    def text_lines(self, section: GmshSection) -> list[tuple[int, str]]:
         """Return the lines of a section that are not blank, with their numbers."""
         text = self.data[section.begin : section.end].decode("utf-8", errors="replace")
         rows = enumerate(text.split("\n"), start=self.line_at(section.begin))
@@ -105,7 +105,7 @@ def sections_of(name: str, data: bytes) -> MshFile:
             file.refuse(
                 f"line {file.line_at(begin)}", f"the section ${word} has no end; the file may be cut off"
             )
-        file.sections.append(Section(word, head.end(), end, file.line_at(begin)))
+        file.sections.append(GmshSection(word, head.end(), end, file.line_at(begin)))
         at = data.find(b"\n", end) + 1 or len(data)
     if data[at:].strip():
         file.stray.append(file.line_at(len(data.rstrip()) - 1))
@@ -154,7 +154,7 @@ def _read_header(file: MshFile) -> None:
 class Words:
     """The numbers of a section in text form, taken one after the other."""
 
-    def __init__(self, file: MshFile, section: Section, dtype: Any = float) -> None:
+    def __init__(self, file: MshFile, section: GmshSection, dtype: Any = float) -> None:
         self.file, self.section = file, section
         self.data = np.frombuffer(file.data, np.uint8, section.end - section.begin, section.begin)
         self.at = 0
@@ -259,7 +259,7 @@ class Words:
 class Bytes:
     """The numbers of a section in binary form, taken one after the other."""
 
-    def __init__(self, file: MshFile, section: Section) -> None:
+    def __init__(self, file: MshFile, section: GmshSection) -> None:
         self.file, self.section, self.at = file, section, section.begin
 
     def place(self, at: int) -> str:

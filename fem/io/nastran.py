@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.array_types import Floats, Ints
-from fem.io.deck import Budget, integer, named
+from fem.io.deck import DeckBudget, integer, named
 from fem.io.faults import error_at, refuse
 from fem.io.nastran_cards import BulkData, Replicator, Run, columns_of, fields_of, real, runs_of
 from fem.io.nastran_names import DEFAULTS, HARMLESS, LINES, NAMED, READ, REFUSED, SYSTEMS
-from fem.io.nastran_systems import Systems
+from fem.io.nastran_systems import NastranSystems
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
 
@@ -75,7 +75,7 @@ class _Columns:
 
 
 @dataclass(slots=True)
-class _Reader:
+class _NastranReader:
     """The state while a deck is read.
 
     Rows of grid points are number, system, displacement system, line of the bulk data, with the local
@@ -87,16 +87,16 @@ class _Reader:
     bulk: BulkData
     grids: _Columns = field(default_factory=lambda: _Columns(4, 3))
     elements: _Columns = field(default_factory=lambda: _Columns(7, 0))
-    systems: Systems = field(init=False)
+    systems: NastranSystems = field(init=False)
     defaults: dict[str, tuple[list[str], str]] = field(default_factory=dict)
     counted: dict[str, tuple[int, str]] = field(default_factory=dict)
     others: dict[str, list[int]] = field(default_factory=dict)
-    replicator: Replicator = field(default_factory=lambda: Replicator(Budget()))
+    replicator: Replicator = field(default_factory=lambda: Replicator(DeckBudget()))
     skipping: bool = False
     _index: dict[int, tuple[int, Floats]] | None = None
 
     def __post_init__(self) -> None:
-        self.systems = Systems(self._grid)
+        self.systems = NastranSystems(self._grid)
 
     def read(self) -> RawMesh:
         """Return points, lines and sets."""
@@ -434,7 +434,7 @@ class Grids:
     displacement: Ints
     rows: Ints
     points: Floats
-    systems: Systems
+    systems: NastranSystems
 
     @property
     def axes(self) -> dict[int, NDArray[np.float64]]:
@@ -463,7 +463,7 @@ def read_grids(bulk: BulkData, path: Path | None = None) -> Grids:
     MeshError
         As :func:`read_nastran`.
     """
-    reader = _Reader(path or Path(), bulk)
+    reader = _NastranReader(path or Path(), bulk)
     for run in runs_of(bulk):
         if path is not None or run.name in ("GRID", "GRDSET", *SYSTEMS):
             reader._run(run)
@@ -517,4 +517,4 @@ def read_nastran(path: Path) -> RawMesh:
         For cards that are not numbers, coordinate systems or grid points that are not there, numbers used
         twice for different things, and cards that change the mesh and are not read.
     """
-    return _Reader(path, BulkData.of(path)).read()
+    return _NastranReader(path, BulkData.of(path)).read()

@@ -27,7 +27,7 @@ _NO_OFFSETS: Floats = np.zeros(6)
 _RIGID: Floats = np.full((2, 6), np.inf)
 
 
-class Bar(NamedTuple):
+class NastranBar(NamedTuple):
     """One bar as its card has it, and what its property gives.
 
     Attributes
@@ -86,7 +86,7 @@ def bars_of(deck: NastranDeck) -> tuple[Bars, tuple[BarProperty, ...], list[Conn
     return bars, tuple(properties.found), twists
 
 
-def _named_blocks(deck: NastranDeck, properties: Properties, bars: list[Bar]) -> list[int]:
+def _named_blocks(deck: NastranDeck, properties: Properties, bars: list[NastranBar]) -> list[int]:
     """Return the place of each bar's property; blocks of one property have it under the block's name.
 
     A comment above all bars, or above bars of several properties, is no name of members.
@@ -104,7 +104,7 @@ def _named_blocks(deck: NastranDeck, properties: Properties, bars: list[Bar]) ->
     return [found.get(block, bar.place) for bar, block in zip(bars, blocks, strict=True)]
 
 
-def _check_numbers(beams: list[Bar], rods: list[Bar]) -> None:
+def _check_numbers(beams: list[NastranBar], rods: list[NastranBar]) -> None:
     numbers = {bar.card.integer(0): bar.card for bar in beams}
     for rod in rods:
         if rod.card.integer(0) in numbers:
@@ -116,7 +116,7 @@ def _ends(deck: NastranDeck, card: Card, first: int) -> tuple[int, int]:
     return deck.node(card, first), deck.node(card, first + 1)
 
 
-def _check_lengths(deck: NastranDeck, bars: list[Bar], ends: Ints) -> None:
+def _check_lengths(deck: NastranDeck, bars: list[NastranBar], ends: Ints) -> None:
     line = deck.points[ends[:, 1]] - deck.points[ends[:, 0]]
     k = _first(~(np.linalg.norm(line, axis=1) > 0))
     if k is not None:
@@ -128,13 +128,13 @@ def _first(bad: Bools) -> int | None:
     return int(np.argmax(bad)) if bad.any() else None
 
 
-def _rod(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
+def _rod(deck: NastranDeck, properties: Properties, card: Card) -> NastranBar:
     prop = None if card.name == "CONROD" else card.integer(1, card.integer(0))
     ends = _ends(deck, card, 1 if card.name == "CONROD" else 2)
-    return Bar(card, ends, *properties.of(card, prop))
+    return NastranBar(card, ends, *properties.of(card, prop))
 
 
-def _twist(deck: NastranDeck, properties: Properties, rod: Bar, beams: set[int]) -> Connection | None:
+def _twist(deck: NastranDeck, properties: Properties, rod: NastranBar, beams: set[int]) -> Connection | None:
     """Return GJ/L of a rod as a spring between its ends, where both are on beams."""
     J = rod.profile.torsion
     if not J or not set(rod.ends) <= beams:
@@ -151,7 +151,7 @@ def _twist(deck: NastranDeck, properties: Properties, rod: Bar, beams: set[int])
     )
 
 
-def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
+def _beam(deck: NastranDeck, properties: Properties, card: Card) -> NastranBar:
     ends = _ends(deck, card, 2)
     place, profile = properties.of(card, card.integer(1, card.integer(0)))
     if card.name == "CBEAM" and not card.blank(16, 18) and card.reals(16, 18).any():
@@ -171,7 +171,7 @@ def _beam(deck: NastranDeck, properties: Properties, card: Card) -> Bar:
     if not card.blank(8, 10):
         stiffness = _turned(card, _needed(np.stack([_pins(card, 8), _pins(card, 9)])), profile)
     offsets = _NO_OFFSETS if card.blank(10, 16) else card.reals(10, 16)
-    return Bar(card, ends, place, profile, flags, up, toward, offsets, stiffness)
+    return NastranBar(card, ends, place, profile, flags, up, toward, offsets, stiffness)
 
 
 def _with_defaults(card: Card, given: Card | None) -> Card:
@@ -188,7 +188,7 @@ def _with_defaults(card: Card, given: Card | None) -> Card:
     return replace(card, fields=fields)
 
 
-def _placed(deck: NastranDeck, beams: list[Bar], ends: Ints) -> tuple[Floats, Floats]:
+def _placed(deck: NastranDeck, beams: list[NastranBar], ends: Ints) -> tuple[Floats, Floats]:
     """Return the orientations (n, 3) and offsets (n, 2, 3) of bars in global axes."""
     start = deck.points[ends[:, 0]]
     plain = deck.points[ends[:, 1]] - start
@@ -225,7 +225,7 @@ def _placed(deck: NastranDeck, beams: list[Bar], ends: Ints) -> tuple[Floats, Fl
     return up, offsets
 
 
-def _check_orientations(beams: list[Bar], axis: Floats, up: Floats) -> None:
+def _check_orientations(beams: list[NastranBar], axis: Floats, up: Floats) -> None:
     k = _first(parallel(axis, up, 1e-6))
     if k is not None:
         beams[k].card.refuse("has its orientation vector along the bar; give one across it")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fem.io.array_types import Ints
-from fem.io.deck import Budget, DeckFile, Files, integer
+from fem.io.deck import DeckBudget, DeckFile, Files, integer
 from fem.io.deck import real as plain_real
 from fem.io.faults import error_at
 from fem.io.nastran_comments import Comments
@@ -430,7 +430,7 @@ def _is_number(text: str) -> bool:
 
 def each_card(bulk: BulkData) -> Iterator[tuple[str, list[str], int]]:
     """Yield name, fields and first row of each card, repeated ones written out."""
-    replicator = Replicator(Budget())
+    replicator = Replicator(DeckBudget())
     for run in runs_of(bulk):
         for first in range(run.first, run.first + run.count * run.length, run.length):
             name, fields = fields_of(bulk, first, run.length)
@@ -459,7 +459,7 @@ class Replicator:
     before : name and fields of the card before, None if it cannot be repeated
     """
 
-    budget: Budget
+    budget: DeckBudget
     before: tuple[str, list[str]] | None = None
     _pattern: list[str] | None = None
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from fem.io.array_types import Floats
 from fem.io.deck_nodes import all_matrices, bar_axes, directions_in, solved_equations, with_nodes, wrapped
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import BarProperty, Bars
 from fem.io.frame_of_model import ModelDeck
 from fem.io.frame_sections import material_of
@@ -48,7 +48,7 @@ _ITEM = re.compile(r"([A-Z][A-Z0-9]*) (\d+)(?: \((\d+)\))?")
 _NODE = re.compile(r"(?:node|skew support of) (\d+)")
 
 
-def nastran_changes(model_deck: ModelDeck, path: Path, units: Units) -> DeckEdit:
+def nastran_changes(model_deck: ModelDeck, path: Path, units: DeckUnits) -> DeckEdit:
     """Return the cards that make a deck of Nastran that of a model.
 
     Parameters
@@ -67,7 +67,7 @@ def nastran_changes(model_deck: ModelDeck, path: Path, units: Units) -> DeckEdit
     """
     deck = open_deck(path, units)
     changes = source_changes(model_deck, read_nastran_frame(path, units), _free_numbers(deck))
-    return _Writer(deck, BulkData.of(path), changes).edit()
+    return _NastranWriter(deck, BulkData.of(path), changes).edit()
 
 
 def _free_numbers(deck: NastranDeck) -> dict[str, int]:
@@ -91,7 +91,7 @@ def _free_numbers(deck: NastranDeck) -> dict[str, int]:
     }
 
 
-class _Writer:
+class _NastranWriter:
     """The cards of changes."""
 
     def __init__(self, deck: NastranDeck, bulk: BulkData, changes: SourceChanges) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fem.io.array_types import Floats, Ints
 from fem.io.deck import integer
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.faults import error_at
 from fem.io.nastran import Grids, read_grids
 from fem.io.nastran_cards import BulkData, each_card, real
@@ -125,7 +125,7 @@ class NastranDeck:
     file: str
     cards: Mapping[str, list[Card]]
     grids: Grids
-    units: Units
+    units: DeckUnits
     control: tuple[Mapping[str, str], ...] | None
     notes: Notes
     points: Floats
@@ -219,7 +219,7 @@ def _lists(card: Card, number: int) -> bool:
     return str(number) in (card.text(k) for k in range(len(card.fields)))
 
 
-def open_deck(path: Path, units: Units) -> NastranDeck:
+def open_deck(path: Path, units: DeckUnits) -> NastranDeck:
     """Read the cards, the grid points and the case control of a deck."""
     bulk = BulkData.of(path)
     cards: dict[str, list[Card]] = {}

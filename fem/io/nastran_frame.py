@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from fem.io.deck import named, words
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.faults import error_at
 from fem.io.frame_deck import FrameDeck
 from fem.io.nastran_bars import RODS, bars_of
@@ -64,7 +64,7 @@ _SELECTED: Final = {
 _SILENT: Final = words("CAERO1 CSET CSET1 CSSCHD SUPORT SUPORT1 EIGRL EIGR EIGC EIGB ENDDATA")
 
 
-def read_nastran_frame(path: Path, units: Units) -> FrameDeck:
+def read_nastran_frame(path: Path, units: DeckUnits) -> FrameDeck:
     """Read the frame model of a Nastran deck.
 
     Parameters

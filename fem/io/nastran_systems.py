@@ -14,7 +14,7 @@ from fem.mesh import MeshError
 
 
 @dataclass(frozen=True, slots=True)
-class System:
+class NastranSystem:
     """A coordinate system as its card gives it.
 
     Attributes
@@ -34,7 +34,7 @@ class System:
 
 
 @dataclass(slots=True)
-class Systems:
+class NastranSystems:
     """All systems of a deck.
 
     Attributes
@@ -43,23 +43,23 @@ class Systems:
     """
 
     grid: Callable[[int], tuple[int, Floats] | None]
-    named: dict[int, System] = field(default_factory=dict)
+    named: dict[int, NastranSystem] = field(default_factory=dict)
     _frames: dict[int, tuple[Floats, Floats]] = field(default_factory=dict)
 
     def add(self, name: str, fields: list[str], place: str) -> None:
         """Add the coordinate system that a card defines."""
         kind = name[-1]
-        found: dict[int, System] = {}
+        found: dict[int, NastranSystem] = {}
         try:
             if name[:5] == "CORD2":
                 values = [real(f) for f in [*fields, *[""] * 11][2:11]]
                 points = tuple(tuple(values[k : k + 3]) for k in (0, 3, 6))
-                found[integer(fields[0])] = System(kind, place, integer(fields[1] or "0"), points)
+                found[integer(fields[0])] = NastranSystem(kind, place, integer(fields[1] or "0"), points)
             else:
                 for cells in (fields[0:4], fields[4:8]):
                     if any(cells):
                         number, *grids = (integer(c) for c in cells)
-                        found[number] = System(kind, place, grids=tuple(grids))
+                        found[number] = NastranSystem(kind, place, grids=tuple(grids))
         except ValueError as reason:
             raise error_at(place, f"{name} {', '.join(fields)} cannot be read: {reason}") from reason
         for number, system in found.items():
@@ -123,7 +123,7 @@ class Systems:
             waiting += [(n, f"{system.place}: coordinate system {top}") for n in needed]
         return self._frames[number]
 
-    def _needed(self, number: int, system: System) -> list[int]:
+    def _needed(self, number: int, system: NastranSystem) -> list[int]:
         if not system.grids:
             return [system.reference]
         found = [self.grid(n) for n in system.grids]
@@ -135,7 +135,7 @@ class Systems:
             )
         return [one[0] for one in found if one is not None]
 
-    def _built(self, number: int, system: System) -> tuple[Floats, Floats]:
+    def _built(self, number: int, system: NastranSystem) -> tuple[Floats, Floats]:
         if system.grids:
             found = [one for n in system.grids if (one := self.grid(n)) is not None]
             points = np.array([self.to_basic(cp, xyz[None], system.place)[0] for cp, xyz in found])

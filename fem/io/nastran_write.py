@@ -21,7 +21,7 @@ from fem.io.deck_nodes import (
     with_nodes,
     wrapped,
 )
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty, Body, Connection
 from fem.io.frame_of_model import ModelDeck
@@ -37,7 +37,7 @@ MATRICES = {"K": "K2GG", "M": "M2GG", "C": "B2GG", "D": "K42GG"}
 
 
 def nastran_text(
-    deck: ModelDeck, units: "str | Units" = "SI", heading: Sequence[str] = (), modes: int = 20
+    deck: ModelDeck, units: "str | DeckUnits" = "SI", heading: Sequence[str] = (), modes: int = 20
 ) -> str:
     """Return a deck of Nastran: all of a model with a solution for its modes, or cards for one.
 
@@ -51,7 +51,7 @@ def nastran_text(
     modes : int
         Number of modes that the deck asks for.
     """
-    u, deck = Units.of(units), with_nodes(deck, arms=None)
+    u, deck = DeckUnits.of(units), with_nodes(deck, arms=None)
     bulk = [*nodes_and_supports(deck, u), *_bars(deck, u), *others(deck, u)]
     notes = notes_of("$", deck)
     used = [key for key in "KMCD" if any(getattr(m, key).any() for m in all_matrices(deck))]
@@ -110,7 +110,7 @@ def card(name: str, *fields: Any) -> list[str]:
     return out
 
 
-def nodes_and_supports(deck: ModelDeck, u: Units) -> Iterator[str]:
+def nodes_and_supports(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
     """Yield the nodes that the other model does not have, and the supports."""
     for row, (n, place) in enumerate(zip(deck.nodes, deck.points, strict=True)):
         if row not in deck.known:
@@ -128,7 +128,7 @@ def nodes_and_supports(deck: ModelDeck, u: Units) -> Iterator[str]:
         yield from card("SPC1", first_number(deck, "SPC"), components, *nodes)
 
 
-def _bars(deck: ModelDeck, u: Units) -> Iterator[str]:
+def _bars(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
     """Yield materials, properties and bars; a property has the number of its place, from the first one."""
     materials = list(dict.fromkeys(p.material for p in deck.properties))
     first, first_property = first_number(deck, "material"), first_number(deck, "property")
@@ -168,7 +168,7 @@ def bar_card(p: BarProperty) -> str:
     return "CBAR" if p.theory == "euler-bernoulli" and p.section2 is None else "CBEAM"
 
 
-def property_card(p: BarProperty, i: int, material: int, u: Units) -> Iterator[str]:
+def property_card(p: BarProperty, i: int, material: int, u: DeckUnits) -> Iterator[str]:
     """Yield the property of bars; plane 1 has the height, so that I1 is Iy and K1 is kz."""
     s, line = p.section, p.mass_per_length / u.mass_per_length
     if p.theory == "bar":
@@ -193,7 +193,7 @@ def property_card(p: BarProperty, i: int, material: int, u: Units) -> Iterator[s
     yield from card("PBEAM", i, material, *constants(s, 0.0), *blank, *more, *shear, None, None, *turning)
 
 
-def others(deck: ModelDeck, u: Units) -> Iterator[str]:
+def others(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
     """Yield bodies, connections, links, equations and matrices; elements are numbered behind the bars."""
     free = count(first_element(deck))
 
@@ -225,14 +225,16 @@ def others(deck: ModelDeck, u: Units) -> Iterator[str]:
     yield from _dmig(deck, u)
 
 
-def _body(deck: ModelDeck, b: Body, number: int, u: Units) -> list[str]:
+def _body(deck: ModelDeck, b: Body, number: int, u: DeckUnits) -> list[str]:
     I = b.inertia / u.inertia
     inertia = [float(x) + 0.0 for x in (I[0, 0], -I[1, 0], I[1, 1], -I[2, 0], -I[2, 1], I[2, 2])]
     arm = [float(x) for x in b.arm / u.length]
     return card("CONM2", number, deck.nodes[b.node], 0, float(b.mass / u.mass), *arm, None, *inertia)
 
 
-def _bush(deck: ModelDeck, c: Connection, element: int, n: int, free_system: int, u: Units) -> Iterator[str]:
+def _bush(
+    deck: ModelDeck, c: Connection, element: int, n: int, free_system: int, u: DeckUnits
+) -> Iterator[str]:
     """Yield a CBUSH with its PBUSH, which has the number n, and its axes."""
     one, two = c.nodes
     system = 0 if np.array_equal(c.axes, np.eye(3)) else free_system
@@ -249,7 +251,7 @@ def _bush(deck: ModelDeck, c: Connection, element: int, n: int, free_system: int
     yield from card("PBUSH", *fields)
 
 
-def _dmig(deck: ModelDeck, u: Units) -> Iterator[str]:
+def _dmig(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
     """Yield the sum of all matrices as DMIG of double precision, lower triangles by columns."""
     for key in "KMCD":
         columns = matrix_entries(deck, key, u, all_matrices(deck))

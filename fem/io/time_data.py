@@ -21,7 +21,7 @@ from fem.io.frf_labels import frequency_factor
 from fem.io.frf_reading import optional
 from fem.io.mat_hdf5 import HDF5_MARK, Named, read_hdf5, read_mat
 from fem.io.uff import read_quietly
-from fem.io.units import TIME_NAMES, Heading, conversion, heading_of, size_of, split_heading
+from fem.io.units import TIME_NAMES, UnitHeading, conversion, heading_of, size_of, split_heading
 
 _FACTORS = ("scalefactor", "scale", "scaling", "gain", "slope", "multiplier", "calibrationfactor")
 _OFFSETS = ("addoffset", "offset")
@@ -517,22 +517,22 @@ def _rises(x: Floats) -> bool:
     return step.size > 0 and bool((step > 0).all()) and bool(np.ptp(step) <= 2 * UNEVEN * step.mean())
 
 
-def _time_heading(heading: Heading, first: bool) -> Heading | None:
+def _time_heading(heading: UnitHeading, first: bool) -> UnitHeading | None:
     """Return the heading of a column of times with its unit; None for another column.
 
     A first column may have a unit of time alone for its name, or any name and a unit of time.
     """
     found = heading_of(heading.name, _TIMES, digits=True)
     if found is not None:
-        return Heading(heading.name, heading.unit or found.unit)
+        return UnitHeading(heading.name, heading.unit or found.unit)
     if not first:
         return None
     if not heading.unit and conversion(heading.name, "s") is not None:
-        return Heading(heading.name, heading.name)
+        return UnitHeading(heading.name, heading.name)
     return heading if conversion(heading.unit, "s") is not None else None
 
 
-def _unnamed_times(path: Path, heading: Heading) -> Heading:
+def _unnamed_times(path: Path, heading: UnitHeading) -> UnitHeading:
     """Return the heading of a first column that rises evenly, which may have no name."""
     if heading.unit or heading.name.lower() not in ("", "x", "x-axis", "x axis", "abscissa"):
         unit = f" [{heading.unit}]" if heading.unit else ""
@@ -562,7 +562,7 @@ def _starts_of_columns(
     return [float(seconds[c][0]) for c in of], rates[columns[0]]
 
 
-def _heads(table: Columns) -> list[Heading]:
+def _heads(table: Columns) -> list[UnitHeading]:
     """Return names and units above the columns of time data."""
     out = []
     for k in range(table.width):
@@ -575,7 +575,7 @@ def _heads(table: Columns) -> list[Heading]:
             elif cell and not name:
                 found = split_heading(cell)
                 name, unit = found.name, unit or found.unit
-        out.append(Heading(name, unit or _unit_behind(name)))
+        out.append(UnitHeading(name, unit or _unit_behind(name)))
     return out
 
 
@@ -595,7 +595,7 @@ def _unit_behind(name: str) -> str:
 def _arrays(path: Path, arrays: dict[str, Named], sample_rate: float | None) -> TimeData:
     """Return the channels among named arrays: those with as many samples as the times, or the longest."""
 
-    def named(words: Sequence[str]) -> dict[str, Heading]:
+    def named(words: Sequence[str]) -> dict[str, UnitHeading]:
         found = {key: heading_of(key.rpartition("/")[2], words) for key in arrays}
         return {key: heading for key, heading in found.items() if heading is not None}
 
@@ -663,7 +663,10 @@ def _rate_of_times(path: Path, times: Mapping[str, Floats]) -> float:
 
 
 def _stated(
-    path: Path, arrays: Mapping[str, Named], rates: Mapping[str, Heading], steps: Mapping[str, Heading]
+    path: Path,
+    arrays: Mapping[str, Named],
+    rates: Mapping[str, UnitHeading],
+    steps: Mapping[str, UnitHeading],
 ) -> float | None:
     """Return the sample rate that a number of the file states, or its inverse [Hz]; None without one."""
     for of, inverse in ((rates, False), (steps, True)):

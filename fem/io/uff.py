@@ -16,23 +16,23 @@ from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh, mesh_of
-from fem.io.uff_elements import Elements, Group
+from fem.io.uff_elements import Elements, UffGroup
 from fem.io.uff_format import UffError, label_of, parse_label, split_blocks
 from fem.io.uff_mesh import raw_mesh_of
 from fem.io.uff_reader import FileReader
-from fem.io.uff_types import Element, Function, Header, Points, TraceLine, Units
+from fem.io.uff_types import Function, Header, Points, TraceLine, UffElement, UffUnits
 from fem.io.uff_write import write_uff
 from fem.mesh import Mesh
 
 __all__ = [
-    "Element",
     "Function",
     "Header",
     "Points",
     "TraceLine",
+    "UffElement",
     "UffError",
     "UffFile",
-    "Units",
+    "UffUnits",
     "label_of",
     "parse_label",
     "read_uff",
@@ -61,7 +61,7 @@ class UffFile:
     trace_lines : tuple of TraceLine
     elements : sequence of Element
     header : Header or None
-    units : Units or None
+    units : UffUnits or None
     skipped : tuple of str
         Datasets that were not read or not used: place of the first, reason, and count.
     frf_runs : tuple of str
@@ -90,12 +90,12 @@ class UffFile:
     trace_lines: tuple[TraceLine, ...] = ()
     elements: Elements = field(default_factory=lambda: Elements.joined([]))
     header: Header | None = None
-    units: Units | None = None
+    units: UffUnits | None = None
     skipped: tuple[str, ...] = ()
     frf_runs: tuple[str, ...] = ()
     frf_axes: tuple[tuple[str, ...], ...] = ()
     frf_names: tuple[Mapping[str, str], Mapping[str, str]] = ({}, {})
-    groups: tuple[Group, ...] = ()
+    groups: tuple[UffGroup, ...] = ()
     notes: tuple[str, ...] = ()
     mesh_notes: tuple[str, ...] = ()
     geometry_fault: str = ""

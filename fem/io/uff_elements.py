@@ -8,9 +8,9 @@ import numpy as np
 
 from fem.io.array_types import Bools, Ints
 from fem.io.faults import refuse
-from fem.io.uff_format import Block
+from fem.io.uff_format import UffBlock
 from fem.io.uff_numbers import Tokens, integer, integer_of, text_at, tokens
-from fem.io.uff_types import Element, TraceLine
+from fem.io.uff_types import TraceLine, UffElement
 
 HEADS: dict[int, tuple[int, tuple[int, ...]]] = {780: (8, (0, 1, 3, 5, 7)), 2412: (6, (0, 1, 2, 3, 5))}
 """Numbers on an element's first line, and which of them are label, descriptor, property, material, nodes."""
@@ -36,7 +36,7 @@ GROUP_COLUMNS: dict[int, int] = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Elements(Sequence[Element]):
+class Elements(Sequence[UffElement]):
     """Elements as arrays.
 
     Attributes
@@ -70,15 +70,15 @@ class Elements(Sequence[Element]):
         return self.number.size
 
     @overload
-    def __getitem__(self, index: int) -> Element: ...
+    def __getitem__(self, index: int) -> UffElement: ...
     @overload
-    def __getitem__(self, index: slice) -> tuple[Element, ...]: ...
-    def __getitem__(self, index: int | slice) -> Element | tuple[Element, ...]:
+    def __getitem__(self, index: slice) -> tuple[UffElement, ...]: ...
+    def __getitem__(self, index: int | slice) -> UffElement | tuple[UffElement, ...]:
         """Return an element, or several."""
         if isinstance(index, slice):
             return tuple(self[k] for k in range(*index.indices(len(self))))
         k = range(len(self))[index]
-        return Element(
+        return UffElement(
             int(self.number[k]),
             int(self.descriptor[k]),
             int(self.property[k]),
@@ -130,7 +130,7 @@ class Elements(Sequence[Element]):
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class UffGroup:
     """A permanent group: a name for nodes, elements and trace lines.
 
     Attributes
@@ -148,7 +148,7 @@ class Group:
     place: str
 
 
-def elements_of(block: Block) -> Elements:
+def elements_of(block: UffBlock) -> Elements:
     """Return the elements of a dataset 780 or 2412.
 
     Raises
@@ -166,7 +166,7 @@ def elements_of(block: Block) -> Elements:
     return got
 
 
-def _walked(block: Block, found: Tokens) -> Elements | None:
+def _walked(block: UffBlock, found: Tokens) -> Elements | None:
     """Return the elements if all lines have the numbers that their first line announces."""
     n_head, columns = HEADS[block.kind]
     values, n_lines = found.values, found.count.size
@@ -218,7 +218,7 @@ def _heads(step: list[int], n_lines: int) -> Ints | None:
     return np.array(heads, dtype=np.int64) if k == n_lines else None
 
 
-def _respaced(block: Block) -> Block:
+def _respaced(block: UffBlock) -> UffBlock:
     """Put a blank between columns of ten; empty columns before others become 0."""
     lines = []
     for line in block.lines[1:]:
@@ -228,7 +228,7 @@ def _respaced(block: Block) -> Block:
     return replace(block, body="\n".join(lines).encode() + b"\n")
 
 
-def _damage(block: Block) -> str:
+def _damage(block: UffBlock) -> str:
     """Find the line of a damaged dataset of elements."""
     n_head, columns = HEADS[block.kind]
     record = 1
@@ -268,7 +268,7 @@ def _damage(block: Block) -> str:
     return "its lines do not have the form of elements"
 
 
-def _integer_line(block: Block, record: int) -> list[int] | str:
+def _integer_line(block: UffBlock, record: int) -> list[int] | str:
     row: list[int] = []
     for word in block.lines[record].split():
         value = integer_of(word)
@@ -278,7 +278,7 @@ def _integer_line(block: Block, record: int) -> list[int] | str:
     return row
 
 
-def trace_line_of(block: Block) -> TraceLine:
+def trace_line_of(block: UffBlock) -> TraceLine:
     """Return the trace line of a dataset 82."""
     head = text_at(block, 1)
     words = head.split()
@@ -308,7 +308,7 @@ def _columns_of_ten(line: str) -> list[str]:
     return [line[k : k + 10] for k in range(0, len(line.rstrip()), 10)]
 
 
-def _integer_row(block: Block, record: int) -> list[int]:
+def _integer_row(block: UffBlock, record: int) -> list[int]:
     line = text_at(block, record)
     words = line.split()
     if all(len(word) <= 10 for word in words) and line.isascii() and "".join(words).isdigit():
@@ -324,7 +324,7 @@ def _by_code(codes: Sequence[int], labels: Sequence[int]) -> dict[int, list[int]
 
 
 def _entities(
-    block: Block, record: int, count: int, per_entity: int, group: str
+    block: UffBlock, record: int, count: int, per_entity: int, group: str
 ) -> tuple[dict[int, list[int]], int]:
     """Read the entities of a group line by line; return also the line after them."""
     flat: list[int] = []
@@ -342,7 +342,7 @@ def _entities(
     return _by_code(flat[::per_entity], flat[1::per_entity]), record
 
 
-def groups_of(block: Block) -> Iterator[Group]:
+def groups_of(block: UffBlock) -> Iterator[UffGroup]:
     """Return the permanent groups of a dataset."""
     per_entity = GROUP_COLUMNS[block.kind]
     record = 1
@@ -365,7 +365,7 @@ def groups_of(block: Block) -> Iterator[Group]:
             members = _by_code(row[::per_entity], row[1::per_entity])
         else:
             members, record = _entities(block, record, count, per_entity, f"group '{name}' ({place})")
-        yield Group(
+        yield UffGroup(
             number,
             name or f"group {number}",
             {code: tuple(labels) for code, labels in members.items()},

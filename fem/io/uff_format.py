@@ -76,7 +76,7 @@ def parse_label(label: str) -> tuple[int, int]:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class UffBlock:
     """One dataset of a file.
 
     Attributes
@@ -147,7 +147,7 @@ class _Cursor:
         return self.at >= len(self.data)
 
 
-def split_blocks(data: bytes, file: str) -> tuple[list[Block], list[str]]:
+def split_blocks(data: bytes, file: str) -> tuple[list[UffBlock], list[str]]:
     """Cut the bytes of a universal file into its datasets.
 
     Returns
@@ -191,16 +191,16 @@ def split_blocks(data: bytes, file: str) -> tuple[list[Block], list[str]]:
     return blocks, notes
 
 
-def _take_block(cursor: _Cursor, line: int, offset: int) -> Block:
+def _take_block(cursor: _Cursor, line: int, offset: int) -> UffBlock:
     head = cursor.take()
     if not head[:6].strip().isdigit():
         _take_text(cursor, f"dataset at line {line}", offset)
-        return Block(0, line, offset, "", refusal=f"its type {_decode(head)[:20]!r} is not a number")
+        return UffBlock(0, line, offset, "", refusal=f"its type {_decode(head)[:20]!r} is not a number")
     kind = int(head[:6])
     if kind == 58 and head[6:7].lower() == b"b":
         return _take_binary(cursor, _decode(head), line, offset)
     body = _take_text(cursor, f"dataset {kind} at line {line}", offset)
-    return Block(kind, line, offset, _decode(head), body)
+    return UffBlock(kind, line, offset, _decode(head), body)
 
 
 def _take_text(cursor: _Cursor, what: str, offset: int) -> bytes:
@@ -222,7 +222,7 @@ def _take_text(cursor: _Cursor, what: str, offset: int) -> bytes:
     raise UffError(msg)
 
 
-def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
+def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> UffBlock:
     what = f"dataset 58b at line {line} (byte {offset})"
     start, raw = cursor.at, []
     while len(raw) < HEADER_LINES - 1 and not cursor.done:
@@ -232,7 +232,7 @@ def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
     try:
         layouts = _layouts(header)
     except ValueError as reason:
-        return _refused(cursor, Block(58, line, offset, head, body, refusal=f"{reason}"))
+        return _refused(cursor, UffBlock(58, line, offset, head, body, refusal=f"{reason}"))
     n = int(header[7][10:20])
     for layout in layouts:
         end = _end_of_values(cursor.data, cursor.at + n * layout.itemsize)
@@ -240,7 +240,7 @@ def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
             values = np.frombuffer(cursor.data, layout, n, cursor.at)
             cursor.skip(end - cursor.at)
             cursor.take()
-            return Block(58, line, offset, head, body, values)
+            return UffBlock(58, line, offset, head, body, values)
     need, there = n * layouts[0].itemsize, _distance_to_mark(cursor.data, cursor.at)
     if there is None or there < need:
         msg = (
@@ -252,10 +252,10 @@ def _take_binary(cursor: _Cursor, head: str, line: int, offset: int) -> Block:
     values = np.frombuffer(cursor.data, layouts[0], n, cursor.at)
     cursor.skip(there)
     cursor.take()
-    return Block(58, line, offset, head, body, values)
+    return UffBlock(58, line, offset, head, body, values)
 
 
-def _refused(cursor: _Cursor, block: Block) -> Block:
+def _refused(cursor: _Cursor, block: UffBlock) -> UffBlock:
     """Pass over a binary dataset whose length is not known."""
     there = _distance_to_mark(cursor.data, cursor.at)
     if there is None:

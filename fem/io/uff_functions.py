@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
 from fem.io.array_types import Floats
 from fem.io.faults import error_at, refuse
-from fem.io.uff_format import Block, UffError, label_of, parse_label
-from fem.io.uff_nodes import Nodes
+from fem.io.uff_format import UffBlock, UffError, label_of, parse_label
+from fem.io.uff_nodes import UffNodes
 from fem.io.uff_numbers import integer, integer_of, number_of, real, text_at, tokens
 from fem.io.uff_types import MOTIONS, Function
 from fem.io.uff_units import FREQUENCY, TIME, abscissa_factor
@@ -39,7 +39,7 @@ class _End:
     direction: int
 
 
-def function_of(block: Block) -> tuple[Function, list[str]]:
+def function_of(block: UffBlock) -> tuple[Function, list[str]]:
     """Return the record of a dataset 58, abscissa in Hz or s, and notes on it.
 
     Raises
@@ -87,7 +87,7 @@ def function_of(block: Block) -> tuple[Function, list[str]]:
     return function, notes
 
 
-def _degrees_of_freedom(block: Block, notes: list[str]) -> tuple[list[int], tuple[_End, _End]]:
+def _degrees_of_freedom(block: UffBlock, notes: list[str]) -> tuple[list[int], tuple[_End, _End]]:
     """Read record 6, by its columns, or by its blanks where a long name has shifted them.
 
     Columns are trusted where each integer ends with its column and nothing is between them.
@@ -114,7 +114,7 @@ def _degrees_of_freedom(block: Block, notes: list[str]) -> tuple[list[int], tupl
     return numbers[:4], (_End(words[4], *numbers[4:6]), _End(words[7], *numbers[6:8]))
 
 
-def _axis(block: Block, record: int) -> tuple[int, str]:
+def _axis(block: UffBlock, record: int) -> tuple[int, str]:
     """Return the specific data type of an axis and the label of its unit."""
     line = text_at(block, record)
     kind = integer(block, record, line[:10])
@@ -124,7 +124,7 @@ def _axis(block: Block, record: int) -> tuple[int, str]:
     return kind, text_of(line[47:])
 
 
-def _ordinates(block: Block, notes: list[str]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _ordinates(block: UffBlock, notes: list[str]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return abscissa and ordinate, as many as the header announces."""
     line = text_at(block, 7)
     kind, n, even = (integer(block, 7, line[k : k + 10]) for k in (0, 10, 20))
@@ -147,7 +147,7 @@ def _ordinates(block: Block, notes: list[str]) -> tuple[NDArray[Any], NDArray[An
     return start + np.arange(n) * step if stored is None else stored, values
 
 
-def _values(block: Block, n: int, columns: int, double: bool, even: bool, notes: list[str]) -> Floats:
+def _values(block: UffBlock, n: int, columns: int, double: bool, even: bool, notes: list[str]) -> Floats:
     """Return the values of a dataset in text form, shape (n, columns)."""
     found = tokens(block, 12)
     values = None if found is None else found.values
@@ -163,7 +163,7 @@ def _values(block: Block, n: int, columns: int, double: bool, even: bool, notes:
     return values[: n * columns].reshape(n, columns)
 
 
-def _columns(block: Block, record: int, widths: Sequence[int]) -> Iterator[float]:
+def _columns(block: UffBlock, record: int, widths: Sequence[int]) -> Iterator[float]:
     """Yield the numbers of a line: between blanks where all are numbers, else by their widths in turn."""
     line = block.lines[record]
     words = line.split()
@@ -205,7 +205,7 @@ def frf_refusal(function: Function, kind: FRFKind | None) -> str:
 Record = tuple[Function, FRFKind]
 
 
-def turned_records(records: Sequence[Record], nodes: Nodes) -> tuple[list[Record], list[str], int]:
+def turned_records(records: Sequence[Record], nodes: UffNodes) -> tuple[list[Record], list[str], int]:
     """Return FRFs along the global axes, a line for each that cannot be turned, and the number turned.
 
     Directions of a node are those of its displacement system. Along a global axis a record has another label;
@@ -252,7 +252,7 @@ def turned_records(records: Sequence[Record], nodes: Nodes) -> tuple[list[Record
     return out, lost, n_turned
 
 
-def _combined(found: dict[int, Record], end: str, nodes: Nodes) -> list[Record]:
+def _combined(found: dict[int, Record], end: str, nodes: UffNodes) -> list[Record]:
     """Return records along the global axes from those along all slanted axes of a node; none of fewer."""
     node, direction = parse_label(getattr(next(iter(found.values()))[0], end))
     first = 4 if abs(direction) > 3 else 1

@@ -10,7 +10,7 @@ import numpy as np
 from fem.io.array_types import Ints
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
-from fem.io.uff_elements import BEAMS, ENTITIES, Elements, Group
+from fem.io.uff_elements import BEAMS, ENTITIES, Elements, UffGroup
 from fem.io.uff_format import UffError
 from fem.io.uff_types import Points, TraceLine
 
@@ -30,7 +30,7 @@ def raw_mesh_of(
     points: Points | None,
     elements: Elements,
     trace_lines: Sequence[TraceLine],
-    groups: Sequence[Group],
+    groups: Sequence[UffGroup],
     notes: Sequence[str] = (),
 ) -> RawMesh:
     """Return rods and beams, or else trace lines, with the sets of trace lines, groups and properties."""
@@ -149,7 +149,7 @@ def _add_sets(
     elements: Elements,
     lines: _Lines,
     trace_lines: Sequence[TraceLine],
-    groups: Sequence[Group],
+    groups: Sequence[UffGroup],
     from_elements: bool,
 ) -> None:
     """Add the sets of lines and of points: of trace lines, of groups, and of properties for the rest."""
@@ -214,7 +214,7 @@ def _is_node(name: str, points: Points) -> bool:
     return name.isascii() and name.isdigit() and len(name) <= 18 and bool((points.labels == int(name)).any())
 
 
-def _nodes_of(group: Group, points: Points, raw: RawMesh) -> Ints:
+def _nodes_of(group: UffGroup, points: Points, raw: RawMesh) -> Ints:
     """Return the rows of the nodes of a group."""
     wanted = np.array(group.members.get(7, ()), dtype=np.int64)
     if not wanted.size:
@@ -229,7 +229,7 @@ def _nodes_of(group: Group, points: Points, raw: RawMesh) -> Ints:
 
 
 def _lines_of(
-    group: Group, elements: Elements, lines: _Lines, by_number: Mapping[int, Ints], raw: RawMesh
+    group: UffGroup, elements: Elements, lines: _Lines, by_number: Mapping[int, Ints], raw: RawMesh
 ) -> Ints:
     """Return the lines of a group."""
     wanted = np.array(sorted(set(group.members.get(8, ()))), dtype=np.int64)
@@ -254,7 +254,7 @@ def _lines_of(
     return np.unique(np.concatenate([rows, *traces])) if traces else rows
 
 
-def _free_name(group: Group, sets: Mapping[str, Ints], rows: Ints, raw: RawMesh) -> str:
+def _free_name(group: UffGroup, sets: Mapping[str, Ints], rows: Ints, raw: RawMesh) -> str:
     """Return the group's name, with its number where another set of other lines has the name."""
     name = group.name or f"group {group.number}"
     if name not in sets or np.array_equal(np.sort(sets[name]), rows):

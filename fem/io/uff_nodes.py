@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from fem.io.array_types import Bools, Floats, Ints
 from fem.io.faults import refuse
-from fem.io.uff_format import Block, label_of, parse_label
+from fem.io.uff_format import UffBlock, label_of, parse_label
 from fem.io.uff_numbers import integer_columns, line_of, records
-from fem.io.uff_systems import CARTESIAN, GLOBAL_NUMBERS, Systems
+from fem.io.uff_systems import CARTESIAN, GLOBAL_NUMBERS, UffSystems
 from fem.io.uff_types import Points
 
 PATTERNS: dict[int, tuple[tuple[int, ...], ...]] = {
@@ -26,17 +26,17 @@ _ALONG_AXIS = 1e-4
 
 
 @dataclass(slots=True, eq=False)
-class Nodes:
+class UffNodes:
     """The nodes of a file as its datasets have them."""
 
-    systems: Systems
-    blocks: list[tuple[Block, Ints, Floats]] = field(default_factory=list)
+    systems: UffSystems
+    blocks: list[tuple[UffBlock, Ints, Floats]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     _turned: dict[int, int] = field(default_factory=dict)
     _at: dict[int, Floats] = field(default_factory=dict)
     _axes: dict[int, Floats] = field(default_factory=dict)
 
-    def add(self, block: Block) -> None:
+    def add(self, block: UffBlock) -> None:
         """Take the nodes of a dataset in."""
         pattern = PATTERNS[block.kind]
         values = records(block, pattern)
@@ -162,7 +162,7 @@ class Nodes:
         return label_of(node, turned * (1 if direction > 0 else -1))
 
 
-def turn_shape(nodes: Nodes, labels: Sequence[int], values: NDArray[Any]) -> int:
+def turn_shape(nodes: UffNodes, labels: Sequence[int], values: NDArray[Any]) -> int:
     """Turn displacements (n_nodes, 3 or 6) into global axes, in place; return of how many nodes."""
     count = 0
     for row, node in enumerate(labels):

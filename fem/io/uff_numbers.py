@@ -15,7 +15,7 @@ import numpy as np
 
 from fem.io.array_types import Floats, Ints
 from fem.io.faults import refuse
-from fem.io.uff_format import Block
+from fem.io.uff_format import UffBlock
 
 # Each part can match in one way only, so that a long line of digits takes linear time.
 _NUMBER = re.compile(
@@ -57,7 +57,7 @@ def integer_of(text: str) -> int | None:
     return int(value) if exact and value is not None else None
 
 
-def real(block: Block, record: int, text: str) -> float:
+def real(block: UffBlock, record: int, text: str) -> float:
     """Return the number in a column, 0 where it is empty.
 
     Raises
@@ -71,7 +71,7 @@ def real(block: Block, record: int, text: str) -> float:
     return value
 
 
-def integer(block: Block, record: int, text: str) -> int:
+def integer(block: UffBlock, record: int, text: str) -> int:
     """Return the whole number in a column, 0 where it is empty; raise as :func:`real`."""
     value = integer_of(text) if text.strip() else 0
     if value is None:
@@ -79,7 +79,7 @@ def integer(block: Block, record: int, text: str) -> int:
     return value
 
 
-def cells(block: Block, record: int, widths: Sequence[int]) -> list[str]:
+def cells(block: UffBlock, record: int, widths: Sequence[int]) -> list[str]:
     """Return the columns of a line as text: by its blanks where as many numbers stand there, else by widths.
 
     Raises
@@ -100,14 +100,14 @@ def cells(block: Block, record: int, widths: Sequence[int]) -> list[str]:
     return [line[a:b] for a, b in pairwise(edges)]
 
 
-def text_at(block: Block, record: int) -> str:
+def text_at(block: UffBlock, record: int) -> str:
     """Return a line; raise where the dataset has ended before."""
     if record >= block.n_lines:
         refuse(f"it ends after {block.at(block.n_lines - 1)}, within its header or a record")
     return block.lines[record]
 
 
-def tokens(block: Block, first: int = 1) -> Tokens | None:
+def tokens(block: UffBlock, first: int = 1) -> Tokens | None:
     """Return the numbers between blanks from a line of a dataset on; None where one is no number."""
     text = block.body
     for _ in range(first - 1):
@@ -131,7 +131,7 @@ def tokens(block: Block, first: int = 1) -> Tokens | None:
     return Tokens(values, count, np.cumsum(count) - count, full + first)
 
 
-def records(block: Block, pattern: Sequence[Sequence[int]], first: int = 1) -> Floats:
+def records(block: UffBlock, pattern: Sequence[Sequence[int]], first: int = 1) -> Floats:
     """Return the numbers of records that all have the same lines, shape (n_records, n_columns).
 
     Parameters
@@ -163,13 +163,13 @@ def records(block: Block, pattern: Sequence[Sequence[int]], first: int = 1) -> F
     return np.array([x for row in values for x in row]).reshape(-1, columns.sum())
 
 
-def line_of(block: Block, position: int, n_lines: int, first: int = 1) -> str:
+def line_of(block: UffBlock, position: int, n_lines: int, first: int = 1) -> str:
     """Return the place in the file of a record among those of ``n_lines`` lines each."""
     full = [k for k, line in enumerate(block.body.split(b"\n"), start=1) if k >= first and line.strip()]
     return block.at(full[position * n_lines])
 
 
-def integer_columns(block: Block, values: Floats, columns: Sequence[int], n_lines: int) -> Ints:
+def integer_columns(block: UffBlock, values: Floats, columns: Sequence[int], n_lines: int) -> Ints:
     """Return columns of records as whole numbers; raise with the line where one is none."""
     chosen = values[:, columns]
     good = np.isfinite(chosen) & (np.abs(chosen) <= _LARGEST_INTEGER)

@@ -8,13 +8,21 @@ import numpy as np
 
 from fem.analysis.frf import FRFKind
 from fem.io.faults import refuse
-from fem.io.uff_elements import GROUP_COLUMNS, HEADS, Elements, Group, elements_of, groups_of, trace_line_of
-from fem.io.uff_format import Block, UffError
+from fem.io.uff_elements import (
+    GROUP_COLUMNS,
+    HEADS,
+    Elements,
+    UffGroup,
+    elements_of,
+    groups_of,
+    trace_line_of,
+)
+from fem.io.uff_format import UffBlock, UffError
 from fem.io.uff_functions import FRF_TYPES, Record, frf_groups, frf_refusal, function_of, turned_records
-from fem.io.uff_nodes import PATTERNS, Nodes, turn_shape
-from fem.io.uff_shapes import Shape, modes_of, read_shape, shape_in_si
-from fem.io.uff_systems import Systems
-from fem.io.uff_types import Function, Header, TraceLine, Units
+from fem.io.uff_nodes import PATTERNS, UffNodes, turn_shape
+from fem.io.uff_shapes import UffShape, modes_of, read_shape, shape_in_si
+from fem.io.uff_systems import UffSystems
+from fem.io.uff_types import Function, Header, TraceLine, UffUnits
 from fem.io.uff_units import response_and_force, units_of
 
 HARMLESS: dict[int, str] = {1858: "qualifiers of functions", 2400: "model header"}
@@ -89,17 +97,17 @@ class FileReader:
             self.skipped.add(f"text {note}", note)
         self.functions: list[Function] = []
         self.records: list[Record] = []
-        self.systems = Systems()
-        self.nodes = Nodes(self.systems)
+        self.systems = UffSystems()
+        self.nodes = UffNodes(self.systems)
         self.traces: list[TraceLine] = []
         self.elements: list[Elements] = []
-        self.groups: list[Group] = []
-        self.shapes: list[Shape] = []
+        self.groups: list[UffGroup] = []
+        self.shapes: list[UffShape] = []
         self.header: Header | None = None
-        self.units: Units | None = None
+        self.units: UffUnits | None = None
         self.units_at = ""
         self.fault = ""
-        self.takers: dict[int, Callable[[Block], object]] = {
+        self.takers: dict[int, Callable[[UffBlock], object]] = {
             **dict.fromkeys(PATTERNS, self.nodes.add),
             **dict.fromkeys(HEADS, lambda block: self.elements.append(elements_of(block))),
             **dict.fromkeys(GROUP_COLUMNS, lambda block: self.groups.extend(groups_of(block))),
@@ -111,7 +119,7 @@ class FileReader:
             164: self._units,
         }
 
-    def take(self, block: Block) -> None:
+    def take(self, block: UffBlock) -> None:
         """Take one dataset in."""
         if block.refusal:
             self._skip(block, block.refusal)
@@ -135,15 +143,15 @@ class FileReader:
             msg = f"{self.file}: {place}: {reason}" if place else f"{self.file}: {reason}"
             raise UffError(msg) from reason
 
-    def _skip(self, block: Block, reason: str) -> None:
+    def _skip(self, block: UffBlock, reason: str) -> None:
         self.skipped.add(f"{block.kind} {reason}", f"{block.name}: {reason}")
 
-    def _header(self, block: Block) -> None:
+    def _header(self, block: UffBlock) -> None:
         text = [*block.lines[1:], *[""] * 7]
         created = " ".join(text[3][:20].split())
         self.header = Header(text[0].strip(), text[1].strip(), text[5].strip(), created)
 
-    def _units(self, block: Block) -> None:
+    def _units(self, block: UffBlock) -> None:
         units = units_of(block)
         if self.units is None:
             self.units, self.units_at = units, block.name
@@ -154,14 +162,14 @@ class FileReader:
                 "of units: cut it into two"
             )
 
-    def _shape(self, block: Block) -> None:
+    def _shape(self, block: UffBlock) -> None:
         shape = read_shape(block)
         if isinstance(shape, str):
             self._skip(block, shape)
         else:
             self.shapes.append(shape)
 
-    def _function(self, block: Block) -> None:
+    def _function(self, block: UffBlock) -> None:
         function, notes = function_of(block)
         for note in notes:
             self.notes.add(note, f"{note} ({block.name})")
@@ -183,7 +191,7 @@ class FileReader:
 
     def result(self) -> dict[str, Any]:
         """Return the attributes of :class:`fem.io.uff.UffFile` but its name."""
-        units = self.units or Units()
+        units = self.units or UffUnits()
         points = self._guarded("", self.nodes.points, units.length)
         elements = self._guarded("", Elements.without_copies, Elements.joined(self.elements))
         for note in self.nodes.notes:
@@ -219,7 +227,7 @@ class FileReader:
             "geometry_fault": self.fault,
         }
 
-    def _say_units(self, units: Units, converted: set[str]) -> None:
+    def _say_units(self, units: UffUnits, converted: set[str]) -> None:
         words = (
             f"dataset 164 ('{units.description}') has unit factors other than 1: lengths are divided by "
             f"{units.length:g} and forces by {units.force:g} in "
@@ -228,7 +236,7 @@ class FileReader:
         if "coordinates" in converted:
             self.mesh_notes.add("units", f"{words}coordinates")
 
-    def _frfs(self, given: tuple[Units, set[str]]) -> list[Record]:
+    def _frfs(self, given: tuple[UffUnits, set[str]]) -> list[Record]:
         """Return FRFs in SI along the global axes."""
         units, converted = given
         out: list[Record] = []
@@ -263,9 +271,9 @@ class FileReader:
             self.notes.add(words, f"{n_turned} {words}")
         return out
 
-    def _global_shapes(self, units: Units) -> list[Shape]:
+    def _global_shapes(self, units: UffUnits) -> list[UffShape]:
         """Return shapes in SI along the global axes."""
-        out: list[Shape] = []
+        out: list[UffShape] = []
         for shape in self.shapes:
             if self.nodes.any_turned:
                 shape = replace(shape, values=shape.values.copy())

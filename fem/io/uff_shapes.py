@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from fem.analysis.modes import Modes
 from fem.io.array_types import Floats, Ints
 from fem.io.faults import refuse
-from fem.io.uff_format import Block, UffError, label_of
+from fem.io.uff_format import UffBlock, UffError, label_of
 from fem.io.uff_numbers import integer, number_of, real, text_at, tokens
-from fem.io.uff_types import Units
+from fem.io.uff_types import UffUnits
 
 _DISPLACEMENTS = (0, 1, 8, 11, 12)
 """Result types that are motions: unknown, general, displacement, velocity, acceleration."""
@@ -22,7 +22,7 @@ _VECTORS = (0, 2, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shape:
+class UffShape:
     """A mode shape as the file has it."""
 
     nodes: Ints
@@ -59,7 +59,7 @@ class _Header:
     first: int  # line of the first node
 
 
-def read_shape(block: Block) -> Shape | str:
+def read_shape(block: UffBlock) -> UffShape | str:
     """Read a dataset 55 or 2414: a shape, or why it is none."""
     if len(block.lines) < 9:
         refuse(f"it has {len(block.lines)} lines, too few for its header")
@@ -84,18 +84,18 @@ def read_shape(block: Block) -> Shape | str:
         values = values[:, 0::2] + 1j * values[:, 1::2]
     if head.analysis == 2:
         frequency, zeta = head.frequency, head.viscous or head.hysteretic / 2
-        return Shape(nodes, values, frequency, zeta, head.modal_mass, block.name, 0j, head.number)
+        return UffShape(nodes, values, frequency, zeta, head.modal_mass, block.name, 0j, head.number)
     size = abs(head.eigenvalue)
     zeta = -head.eigenvalue.real / size if size else 0.0
-    return Shape(nodes, values, size / (2 * np.pi), zeta, 0.0, block.name, head.modal_a, head.number)
+    return UffShape(nodes, values, size / (2 * np.pi), zeta, 0.0, block.name, head.modal_a, head.number)
 
 
-def _integers(block: Block, record: int, count: int) -> list[int]:
+def _integers(block: UffBlock, record: int, count: int) -> list[int]:
     line = text_at(block, record)
     return [integer(block, record, line[10 * k : 10 * k + 10]) for k in range(count)]
 
 
-def _reals(block: Block, record: int, count: int) -> list[float]:
+def _reals(block: UffBlock, record: int, count: int) -> list[float]:
     line = text_at(block, record)
     words = line.split()
     if all(number_of(word) is not None and len(word) <= 13 for word in words):
@@ -103,7 +103,7 @@ def _reals(block: Block, record: int, count: int) -> list[float]:
     return [real(block, record, line[13 * k : 13 * k + 13]) for k in range(count)]
 
 
-def _header_of_55(block: Block) -> _Header | str:
+def _header_of_55(block: UffBlock) -> _Header | str:
     _, analysis, characteristic, result, data_type, per_node = _integers(block, 6, 6)
     if analysis not in (2, 3, 7):
         return f"analysis type {analysis} holds no mode shapes (2, 3 and 7 do)"
@@ -126,7 +126,7 @@ def _header_of_55(block: Block) -> _Header | str:
     )
 
 
-def _header_of_2414(block: Block) -> _Header | str:
+def _header_of_2414(block: UffBlock) -> _Header | str:
     _, analysis, characteristic, result, data_type, per_node = _integers(block, 9, 6)
     if analysis not in (2, 3, 7):
         return f"analysis type {analysis} holds no mode shapes (2, 3 and 7 do)"
@@ -152,7 +152,7 @@ def _header_of_2414(block: Block) -> _Header | str:
     )
 
 
-def _nodal_values(block: Block, count: int, first: int) -> tuple[Ints, Floats]:
+def _nodal_values(block: UffBlock, count: int, first: int) -> tuple[Ints, Floats]:
     """Read node numbers and the values that follow each, six to a line."""
     found = tokens(block, first)
     if found is not None and found.count.size and found.values.size % (1 + count) == 0:
@@ -179,7 +179,7 @@ def _nodal_values(block: Block, count: int, first: int) -> tuple[Ints, Floats]:
     return nodes, values
 
 
-def _nodal_values_by_width(block: Block, count: int, first: int) -> tuple[Ints, Floats]:
+def _nodal_values_by_width(block: UffBlock, count: int, first: int) -> tuple[Ints, Floats]:
     nodes: list[int] = []
     rows: list[list[float]] = []
     record = first
@@ -204,7 +204,7 @@ def _nodal_values_by_width(block: Block, count: int, first: int) -> tuple[Ints, 
     return np.array(nodes, dtype=np.int64), np.array(rows)
 
 
-def shape_in_si(shape: Shape, units: Units) -> Shape:
+def shape_in_si(shape: UffShape, units: UffUnits) -> UffShape:
     """Scale a shape to unit modal mass in kg where the file gives it, rotations to radians per metre.
 
     With a modal A = φᵀ(2λM + C)φ it is scaled to A = 2iω_d: unit modal mass where damping is
@@ -220,14 +220,14 @@ def shape_in_si(shape: Shape, units: Units) -> Shape:
     return replace(shape, values=values)
 
 
-def modes_of(shapes: Sequence[Shape], file: str) -> tuple[tuple[Modes, ...], list[str]]:
+def modes_of(shapes: Sequence[UffShape], file: str) -> tuple[tuple[Modes, ...], list[str]]:
     """Put shapes together by their nodes; return notes on them, too.
 
     A node that one of them lacks is a gap of that one: NaN. Shapes are of one test, and make one group, where
     each shares half of its nodes or more with another of them.
     """
     notes: list[str] = []
-    groups: dict[int, list[Shape]] = {}
+    groups: dict[int, list[UffShape]] = {}
     numbers = [shape.number for shape in shapes]
     if min(numbers, default=1) < 1 or len(set(numbers)) < len(numbers):  # then they stand for something else
         shapes = [replace(shape, number=k) for k, shape in enumerate(shapes, start=1)]
@@ -241,7 +241,7 @@ def modes_of(shapes: Sequence[Shape], file: str) -> tuple[tuple[Modes, ...], lis
     return tuple(found), notes
 
 
-def _check(shape: Shape, file: str) -> None:
+def _check(shape: UffShape, file: str) -> None:
     if not (np.isfinite(shape.frequency) and shape.frequency >= 0):
         msg = (
             f"{file}: {shape.place}: natural frequency {shape.frequency} Hz; it must be a number not below 0"
@@ -257,9 +257,9 @@ def _check(shape: Shape, file: str) -> None:
         raise UffError(msg)
 
 
-def _of_one_test(shapes: list[Shape]) -> list[list[Shape]]:
+def _of_one_test(shapes: list[UffShape]) -> list[list[UffShape]]:
     """Return shapes in groups that are connected by sharing half of two shapes' nodes or more."""
-    groups: list[tuple[list[frozenset[int]], list[Shape]]] = []
+    groups: list[tuple[list[frozenset[int]], list[UffShape]]] = []
     for shape in shapes:
         nodes = frozenset(shape.nodes.tolist())
         near = [g for g in groups if any(2 * len(nodes & other) >= len(nodes | other) for other in g[0])]
@@ -269,9 +269,9 @@ def _of_one_test(shapes: list[Shape]) -> list[list[Shape]]:
     return [group for _, group in groups]
 
 
-def _once(shapes: list[Shape], notes: list[str]) -> list[Shape]:
+def _once(shapes: list[UffShape], notes: list[str]) -> list[UffShape]:
     """Leave out shapes that come again with the same frequency and values."""
-    kept: list[Shape] = []
+    kept: list[UffShape] = []
     for shape in shapes:
         same = next(
             (
@@ -290,13 +290,13 @@ def _once(shapes: list[Shape], notes: list[str]) -> list[Shape]:
     return kept
 
 
-def _on_all_nodes(shapes: list[Shape], notes: list[str]) -> list[Shape]:
+def _on_all_nodes(shapes: list[UffShape], notes: list[str]) -> list[UffShape]:
     """Give all shapes the nodes that any of them has, in the order of the first; NaN is a gap, and named."""
     order = list(dict.fromkeys(node for shape in shapes for node in shape.nodes.tolist()))
     row_of = {node: row for row, node in enumerate(order)}
     nodes = np.array(order, dtype=np.int64)
-    out: list[Shape] = []
-    lacking: dict[tuple[int, ...], list[Shape]] = {}
+    out: list[UffShape] = []
+    lacking: dict[tuple[int, ...], list[UffShape]] = {}
     for shape in shapes:
         values = np.full((len(order), shape.values.shape[1]), np.nan, dtype=shape.values.dtype)
         values[[row_of[node] for node in shape.nodes.tolist()]] = shape.values
@@ -316,7 +316,7 @@ def _on_all_nodes(shapes: list[Shape], notes: list[str]) -> list[Shape]:
     return out
 
 
-def _modes(shapes: list[Shape]) -> Modes:
+def _modes(shapes: list[UffShape]) -> Modes:
     shapes = sorted(shapes, key=lambda s: s.frequency)
     frequency = np.array([s.frequency for s in shapes])
     zeta = np.array([s.zeta for s in shapes])

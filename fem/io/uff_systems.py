@@ -7,7 +7,7 @@ import numpy as np
 
 from fem.io.array_types import Floats
 from fem.io.faults import refuse
-from fem.io.uff_format import Block
+from fem.io.uff_format import UffBlock
 from fem.io.uff_numbers import cells, integer, real, text_at
 
 CARTESIAN, CYLINDRICAL, SPHERICAL = range(3)
@@ -20,7 +20,7 @@ _ORTHONORMAL_WITHIN = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class System:
+class UffSystem:
     """A coordinate system.
 
     Attributes
@@ -78,7 +78,7 @@ class System:
         return local @ self.axes
 
 
-GLOBAL = System(CARTESIAN, np.eye(3), np.zeros(3))
+GLOBAL = UffSystem(CARTESIAN, np.eye(3), np.zeros(3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,25 +101,25 @@ class _Definition:
 
 
 @dataclass(slots=True, eq=False)
-class Systems:
+class UffSystems:
     """The coordinate systems of a file, by number; a faulty one raises only when it is used."""
 
     _found: dict[int, _Definition] = field(default_factory=dict)
     _other: dict[int, _Definition] = field(default_factory=dict)
-    _made: dict[int, System] = field(default_factory=dict)
+    _made: dict[int, UffSystem] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Return how many there are."""
         return len(self._found)
 
-    def add(self, block: Block) -> None:
+    def add(self, block: UffBlock) -> None:
         """Take the systems of a dataset 18 or 2420 in."""
         for number, found in (_of_2420 if block.kind == 2420 else _of_18)(block):
             known = self._found.setdefault(number, found)
             if not known.same_as(found):
                 self._other[number] = found
 
-    def get(self, number: int, _users: tuple[int, ...] = ()) -> System:
+    def get(self, number: int, _users: tuple[int, ...] = ()) -> UffSystem:
         """Return a system.
 
         Raises
@@ -134,7 +134,7 @@ class Systems:
             self._made[number] = self._make(number, _users)
         return self._made[number]
 
-    def _make(self, number: int, users: tuple[int, ...]) -> System:
+    def _make(self, number: int, users: tuple[int, ...]) -> UffSystem:
         if number not in self._found:
             known = ", ".join(str(k) for k in sorted(self._found)[:10]) or "none"
             refuse(f"which the file does not define (datasets 18 and 2420); it defines {known}")
@@ -146,7 +146,7 @@ class Systems:
                 f"whose type is {d.kind} ({d.place}); 0, 1 and 2 are read (Cartesian, cylindrical, spherical)"
             )
         if d.reference is None:
-            return System(d.kind, _rotation(d.values[:3], d.place), d.values[3], d.place)
+            return UffSystem(d.kind, _rotation(d.values[:3], d.place), d.values[3], d.place)
         if d.method != 1:
             refuse(
                 f"whose method of definition is {d.method} ({d.place}); 1 is read (origin, x axis, xz plane)"
@@ -157,7 +157,7 @@ class Systems:
         origin, on_x, on_xz = base.to_global(d.values)
         x = _unit(on_x - origin, d.place)
         z = _unit(on_xz - origin - ((on_xz - origin) @ x) * x, d.place)
-        return System(d.kind, np.array([x, np.cross(z, x), z]), origin, d.place)
+        return UffSystem(d.kind, np.array([x, np.cross(z, x), z]), origin, d.place)
 
 
 def _unit(vector: Floats, place: str) -> Floats:
@@ -177,7 +177,7 @@ def _rotation(axes: Floats, place: str) -> Floats:
     return u @ v
 
 
-def _of_2420(block: Block) -> Iterator[tuple[int, _Definition]]:
+def _of_2420(block: UffBlock) -> Iterator[tuple[int, _Definition]]:
     record = 3  # after the type, the part's number and its name
     while record < block.n_lines:
         if not block.lines[record].strip():
@@ -193,7 +193,7 @@ def _of_2420(block: Block) -> Iterator[tuple[int, _Definition]]:
         record += 6
 
 
-def _of_18(block: Block) -> Iterator[tuple[int, _Definition]]:
+def _of_18(block: UffBlock) -> Iterator[tuple[int, _Definition]]:
     record = 1
     while record < block.n_lines:
         if not block.lines[record].strip():

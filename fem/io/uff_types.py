@@ -46,7 +46,7 @@ class Header:
 
 
 @dataclass(frozen=True, slots=True)
-class Units:
+class UffUnits:
     """Dataset 164: value in SI = value in the file / factor.
 
     Attributes
@@ -204,7 +204,7 @@ class TraceLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Element:
+class UffElement:
     """An element of dataset 780 or 2412; descriptors 11, 21 to 24, 31 and 32 are rods, beams and pipes."""
 
     number: int

@@ -9,9 +9,9 @@ import numpy as np
 
 from fem.analysis.frf import FRFKind
 from fem.io.faults import refuse
-from fem.io.uff_format import Block, parse_label
+from fem.io.uff_format import UffBlock, parse_label
 from fem.io.uff_numbers import integer, real, text_at
-from fem.io.uff_types import MOTIONS, Function, Units
+from fem.io.uff_types import MOTIONS, Function, UffUnits
 from fem.io.units import CAPITALS, FORCE, G0, MOMENT, NUMBER, conversion, moment_of, quotient_of, strain_of
 
 _FREQUENCIES = {
@@ -65,7 +65,7 @@ def abscissa_factor(x_type: int, label: str) -> tuple[float, str, str]:
     return 1.0, "" if x_type == FREQUENCY else "the abscissa has no data type and no label; Hz is taken", ""
 
 
-def units_of(block: Block) -> Units:
+def units_of(block: UffBlock) -> UffUnits:
     """Return the units of a dataset 164.
 
     Raises
@@ -80,7 +80,7 @@ def units_of(block: Block) -> Units:
     length, force = (real(block, 2, text) for text in texts)
     if not (length > 0 and force > 0):
         refuse(f"unit factors {length} and {force}; they must be positive")
-    return Units(integer(block, 1, head[:10]), head[10:30].strip(), length, force)
+    return UffUnits(integer(block, 1, head[:10]), head[10:30].strip(), length, force)
 
 
 def motion_factor(label: str, kind: FRFKind, turned: bool) -> float | None:
@@ -104,7 +104,7 @@ def _force_in(label: str, moment: bool) -> float | None:
     return size if powers == (MOMENT if moment else FORCE) else None
 
 
-def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -> tuple[float, float, str]:
+def response_and_force(f: Function, kind: FRFKind, units: UffUnits, labels: bool) -> tuple[float, float, str]:
     """Return the factor of an FRF to SI by its labels and by dataset 164, and its unknown labels.
 
     Parameters
@@ -150,7 +150,7 @@ def response_and_force(f: Function, kind: FRFKind, units: Units, labels: bool) -
     return factor, reference / response, words if unknown and labels else ""
 
 
-def _between_motions(f: Function, units: Units, labels: bool) -> tuple[float, float, str]:
+def _between_motions(f: Function, units: UffUnits, labels: bool) -> tuple[float, float, str]:
     """Return the same for a motion for a motion: each has a label or the file's unit of length."""
     factors, by_file, unknown = [], [], []
     response = f.response, f.ordinate_type, f.unit

@@ -228,23 +228,23 @@ def density_conversion(label: str, unit: str) -> float | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Heading:
+class UnitHeading:
     """The text above a column: its name, and the label of its unit, empty where there is none."""
 
     name: str
     unit: str = ""
 
 
-def split_heading(text: str) -> Heading:
+def split_heading(text: str) -> UnitHeading:
     """Return name and unit of a heading whose unit is in square or round brackets at its end."""
     found = _BRACKETS.search(text) if len(text) <= LONGEST_HEADING else None
     if found is None:
-        return Heading(text.strip())
+        return UnitHeading(text.strip())
     inside = found[1] if found[1] is not None else found[2]
-    return Heading(text[: found.start()].strip(), inside.strip())
+    return UnitHeading(text[: found.start()].strip(), inside.strip())
 
 
-def heading_of(text: str, names: Collection[str], *, digits: bool = True) -> Heading | None:
+def heading_of(text: str, names: Collection[str], *, digits: bool = True) -> UnitHeading | None:
     """Return the heading of a column that has one of some names; None for one that has none of them.
 
     The unit may be in brackets, or follow the name after an underscore, a blank, a comma or a slash:
@@ -262,13 +262,15 @@ def heading_of(text: str, names: Collection[str], *, digits: bool = True) -> Hea
         return None
     plain = split_heading(text)
     for words in (_BETWEEN.split(plain.name), _CAMEL.split(plain.name)):
-        found = _named(Heading("", plain.unit), [word for word in words if word], names, digits)
+        found = _named(UnitHeading("", plain.unit), [word for word in words if word], names, digits)
         if found is not None:
             return found
     return None
 
 
-def _named(plain: Heading, words: Sequence[str], names: Collection[str], digits: bool) -> Heading | None:
+def _named(
+    plain: UnitHeading, words: Sequence[str], names: Collection[str], digits: bool
+) -> UnitHeading | None:
     """Return the heading whose first words are one of some names, with the unit of the words behind."""
     for k in range(len(words), 0, -1):
         name = "".join(words[:k]).lower().strip(".:-")
@@ -278,26 +280,26 @@ def _named(plain: Heading, words: Sequence[str], names: Collection[str], digits:
             continue
         behind = [word for word in words[k:] if word.lower() != "in"]
         if plain.unit or not behind or behind[-1].isdigit() or size_of(behind[-1]) is None:
-            return Heading(name, plain.unit)
+            return UnitHeading(name, plain.unit)
         unit = "/".join(behind)
-        return Heading(name, behind[-1] if size_of(unit) is None else unit)
+        return UnitHeading(name, behind[-1] if size_of(unit) is None else unit)
     return None
 
 
-def named_unit(text: str, names: Collection[str]) -> Heading:
+def named_unit(text: str, names: Collection[str]) -> UnitHeading:
     """Return name and unit of a column that should have one of some names, perhaps in capitals.
 
     The unit may be in brackets, or follow one of the names after an underscore or a blank.
     """
     if text.strip() in names:
-        return Heading(text.strip())
+        return UnitHeading(text.strip())
     plain = split_heading(text)
     if plain.unit or len(text) > LONGEST_HEADING:
         return plain
     for found in re.finditer(r"[_\s]+", plain.name):
         name, unit = plain.name[: found.start()], plain.name[found.end() :]
         if (name in names or name.lower() in names) and size_of(unit) is not None:
-            return Heading(name, unit)
+            return UnitHeading(name, unit)
     return plain
 
 

@@ -20,7 +20,7 @@ from dovetail import load_study
 from dovetail.cli import main
 from dovetail.desk.guard import Guard
 from dovetail.desk.scale import Scale
-from dovetail.desk.serve import HOST, MissingExtraError, free_port, require_nicegui, wait_for
+from dovetail.desk.serve import HOST, MissingDeskError, free_port, require_nicegui, wait_for
 from dovetail.file.contents import measured
 from dovetail.plan import plan_study
 from dovetail.report import planning
@@ -162,7 +162,7 @@ def test_others_are_refused(headers, query):
 
 def test_without_nicegui_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "nicegui", None)
-    with pytest.raises(MissingExtraError, match=r"pip install nicegui"):
+    with pytest.raises(MissingDeskError, match=r"pip install nicegui"):
         require_nicegui()
 
 

@@ -156,7 +156,7 @@ def test_without_a_channel_of_force_they_are_listed(tmp_path, capsys):
     path.write_text(path.read_text(encoding="utf-8").replace("[N]", "[V]"), encoding="utf-8")
     assert run(path) == 2
     assert (
-        "no channel is in a unit of force; give --force, of hammer [V], motion [mm]"
+        "no channel is in a unit of force; name the forces, of hammer [V], motion [mm]"
         in capsys.readouterr().err
     )
 
@@ -213,7 +213,7 @@ def test_a_displacement_for_an_acceleration_keeps_its_unit(tmp_path):
 @pytest.mark.parametrize(
     ("units", "more", "words"),
     [
-        (("g", "g"), ["--kind", "accelerance"], "--force a1 is in 'g', a unit of motion"),
+        (("g", "g"), ["--kind", "accelerance"], "the reference a1 is in 'g', a unit of motion"),
         (("N", "g"), ["--kind", "transmissibility"], "the reference a1 is in 'N', a unit of force"),
         (("m/s", "g"), ["--kind", "transmissibility"], "needs two motions of one kind"),
         (("m", "g"), [], "needs two motions of one kind"),

@@ -14,7 +14,7 @@ from dovetail import load_study
 from dovetail import pipeline as run
 from dovetail.commands.diagnosis_words import found_lines, table_of_candidates
 from dovetail.found import found_text
-from dovetail.notebook.diagnosis import Diagnosis
+from dovetail.notebook.diagnosis import StudyDiagnosis
 from dovetail.report import probable, words
 from dovetail.report.blocks import TableBlock
 from dovetail.report.drawn import fits_of, marked_places, rivals
@@ -24,7 +24,7 @@ from dovetail.report.probable import probability_text
 from dovetail.report.report import report_html
 from dovetail.report.small_print import thresholds
 from dovetail.result import _FORM as FORM_WORDS
-from dovetail.result import Uncertain, diagnosis_dict, result_dict
+from dovetail.result import UncertainValue, diagnosis_dict, result_dict
 from fem import Parameter
 from fem.effects import effect_classes
 from tests.frames import cross_beam, portal, write_study
@@ -213,7 +213,7 @@ def test_an_error_of_a_channel_beyond_tolerance_is_told_everywhere(found, album,
     assert "as they were read" in page
     assert "None was found" not in page
     assert any(sentence in line for line in found_lines(told.diagnosis))
-    assert sentence in Diagnosis.of(told.diagnosis)._repr_html_()
+    assert sentence in StudyDiagnosis.of(told.diagnosis)._repr_html_()
     (plain,) = diagnosis_dict(told.diagnosis)["faults"]
     assert (plain["kind"], plain["value"], plain["tolerance"]) == ("sensor_gain", 0.8, 0.03)
     text = found_text(told, tmp_path)
@@ -498,7 +498,7 @@ def test_the_structure_is_drawn(found, tmp_path):
     ],
 )
 def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
-    assert Uncertain(name, "-", 0.0, 0.0, 0.1, 0.1, at_bound=False).words == said
+    assert UncertainValue(name, "-", 0.0, 0.0, 0.1, 0.1, at_bound=False).words == said
 
 
 def test_the_form_of_a_connection_is_named_by_its_place(found):

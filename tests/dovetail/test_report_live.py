@@ -18,7 +18,7 @@ from dovetail import pipeline as run
 from dovetail.cli import main
 from dovetail.report import blocks, figures, probable, words
 from dovetail.report.drawn import compared_models, pair_errors
-from dovetail.report.outline import Picture, TableBlock, read_outline
+from dovetail.report.outline import OutlinePicture, TableBlock, read_outline
 from dovetail.report.page import report_page
 from dovetail.report.pictures import Album, draw_all
 from dovetail.report.report import report_html
@@ -430,7 +430,7 @@ def test_without_scripts_and_on_paper_there_are_still_pictures(folder, chromium)
 
 
 def test_names_with_tags_stay_text_in_a_browser(chromium, tmp_path):
-    place = solids.Place(np.array([0.3, 0, 0]), "place", NASTY)
+    place = solids.MarkedPlace(np.array([0.3, 0, 0]), "place", NASTY)
     one = FRF.from_arrays(np.arange(1.0, 9), np.arange(1.0, 9), "mobility", [NASTY], ["f"])
     made = (
         model.model_figure(beam(2), places=[place]),
@@ -459,7 +459,7 @@ def test_the_outline_tells_the_page(folder, found):
     steps = next(b for b in outline.blocks() if isinstance(b, TableBlock) and b.head[0] == "step")
     assert [row[1] for row in steps.rows] == [f"{s.fit_db:.2f}" for s in found.diagnosis.steps]
     assert 1 in steps.numbers
-    pictures = [b for b in outline.blocks() if isinstance(b, Picture)]
+    pictures = [b for b in outline.blocks() if isinstance(b, OutlinePicture)]
     assert pictures[0].content == (folder / "pictures" / "staircase.png").read_bytes()
     assert all(p.caption for p in pictures)
     assert not any("show" in item.split() for b in outline.blocks() for item in getattr(b, "items", ()))
@@ -467,8 +467,8 @@ def test_the_outline_tells_the_page(folder, found):
 
 def test_pictures_come_from_the_page_where_the_files_are_gone(folder, tmp_path):
     (tmp_path / "report.html").write_bytes((folder / "report.html").read_bytes())
-    pictures = [b for b in read_outline(tmp_path).blocks() if isinstance(b, Picture)]
-    assert len(pictures) == len([b for b in read_outline(folder).blocks() if isinstance(b, Picture)])
+    pictures = [b for b in read_outline(tmp_path).blocks() if isinstance(b, OutlinePicture)]
+    assert len(pictures) == len([b for b in read_outline(folder).blocks() if isinstance(b, OutlinePicture)])
     assert all(p.content.startswith(b"\x89PNG") for p in pictures)
 
 
@@ -487,7 +487,7 @@ def test_word_tells_the_same_story(folder, found, tmp_path, capsys):
     assert cells[0][0] == "step"
     assert cells[-1][1] == f"{found.diagnosis.steps[-1].fit_db:.2f}"
     outline = read_outline(folder)
-    assert len(document.inline_shapes) == sum(isinstance(b, Picture) for b in outline.blocks())
+    assert len(document.inline_shapes) == sum(isinstance(b, OutlinePicture) for b in outline.blocks())
     assert document.inline_shapes[0]._inline.docPr.get("descr").startswith("Error after each step")
     assert document.core_properties.title == "bent <bar>"
 
@@ -539,7 +539,7 @@ def test_a_page_without_an_outline_is_refused_with_what_to_do(folder, tmp_path, 
 
 
 def test_blocks_without_content_are_shown_nowhere():
-    empty = blocks.Section("Notes", [blocks.Items(()), blocks.Details("more", [blocks.Text("")]), None])
+    empty = blocks.ReportSection("Notes", [blocks.Items(()), blocks.Details("more", [blocks.Text("")]), None])
     report = blocks.Report("a", "nothing", [blocks.Text("first <b>", "kind")], [empty])
     text = report_page(report)
     assert "Notes" not in text

@@ -318,13 +318,13 @@ def test_the_desk_shows_each_quantity_with_its_unit_and_saves_gauges(tmp_path):
     from dovetail.desk import figures
     from dovetail.desk.saving import live_model, save_study
     from dovetail.desk.session import Desk
-    from dovetail.desk.state import History, Stair, State
+    from dovetail.desk.state import DeskState, History, Stair
     from updating.live.hypothesis import Hypothesis
 
     test = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS))
     live = live_model(test)
     start = Hypothesis.nominal(live.problem)
-    first = State("open the study", start, (Stair.of("nominal model", live.evaluate(start)),))
+    first = DeskState("open the study", start, (Stair.of("nominal model", live.evaluate(start)),))
     desk = Desk(test, live, History((first,)))
     for output, unit in (("G1", "1/N"), ("A1", "(m/s²)/N")):
         figure = figures.frf(desk, (output, "F"), 400)

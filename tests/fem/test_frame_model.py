@@ -8,7 +8,7 @@ import pytest
 from fem import MeshError, Section, assemble, solve_modes
 from fem.effects.distributed_mass import DistributedMass
 from fem.io import model_of, read_model
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import BarProperty, Body, Connection, Equation, Link
 from fem.mesh import MeshWarning
 from fem.model import DIRECTIONS
@@ -278,13 +278,13 @@ def test_refusals_name_file_and_element():
 
 
 def test_units_and_notes(monkeypatch, tmp_path):
-    assert Units.of("mm-t-s").stress == pytest.approx(1e6)
-    assert Units.of((1e-3, 1.0, 1e-3)).force == pytest.approx(1e3)
-    assert Units.of("mm-t-s").density == pytest.approx(1e12)
+    assert DeckUnits.of("mm-t-s").stress == pytest.approx(1e6)
+    assert DeckUnits.of((1e-3, 1.0, 1e-3)).force == pytest.approx(1e3)
+    assert DeckUnits.of("mm-t-s").density == pytest.approx(1e12)
     with pytest.raises(MeshError, match="the units are 'cm'; allowed are SI, mm-t-s"):
-        Units.of("cm")
+        DeckUnits.of("cm")
     with pytest.raises(MeshError, match=r"length, mass and time in m, kg and s are needed"):
-        Units.of((1.0, 2.0))
+        DeckUnits.of((1.0, 2.0))
     with pytest.raises(MeshError, match=r"models are read from \.bdf.*, not '\.msh'"):
         read_model(tmp_path / "a.msh")
     monkeypatch.setattr("fem.io.frame_model.read_deck", lambda *_: everything())

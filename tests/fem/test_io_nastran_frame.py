@@ -7,7 +7,7 @@ import pytest
 
 from fem import MeshError, assemble, solve_modes
 from fem.io import model_of
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.nastran_frame import read_nastran_frame
 
 E, NU, L, A, I1, I2, J, M = 2e11, 0.25, 2.0, 4e-4, 3e-8, 1e-8, 2e-8, 50.0
@@ -25,7 +25,7 @@ CANTILEVER = GRIDS + STEEL + PBAR + CLAMP
 def deck_of(folder, text, units=None):
     path = folder / "a.bdf"
     path.write_text(text)
-    return read_nastran_frame(path, units or Units())
+    return read_nastran_frame(path, units or DeckUnits())
 
 
 def frequencies(folder, text, n=6, units=None):
@@ -145,7 +145,7 @@ def test_units(tmp_path):
     text += BAR + CLAMP + "CONM2,20,2,,.05,0.,10.\n,.4+3,,.4+3,,,.4+3\nCELAS2,30,7.,2,3\nCELAS2,31,9.+6,2,5\n"
     si = CANTILEVER.replace(",,.25", ",,.25,7800.") + BAR
     si += "CONM2,20,2,,50.,0.,.01\n,.4,,.4,,,.4\nCELAS2,30,7.+3,2,3\nCELAS2,31,9.+3,2,5\n"
-    mm = frequencies(tmp_path, text, units=Units(1e-3, 1e3, 1.0))
+    mm = frequencies(tmp_path, text, units=DeckUnits(1e-3, 1e3, 1.0))
     np.testing.assert_allclose(mm, frequencies(tmp_path, si), rtol=1e-9)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem import MeshError
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.nastran_cards import BulkData, each_card
 from fem.io.nastran_frame import read_nastran_frame
 
@@ -76,7 +76,7 @@ def test_a_ninth_number_with_a_sign_is_no_label_that_no_line_has(tmp_path, after
 def test_a_long_line_supports_all_its_grid_points(tmp_path, count):
     path = tmp_path / "a.bdf"
     path.write_text(f"{FRAME}SPC1,1,123456,{','.join(numbers(count))}\n")
-    assert list(read_nastran_frame(path, Units()).supports) == list(range(count))
+    assert list(read_nastran_frame(path, DeckUnits()).supports) == list(range(count))
 
 
 def test_values_beyond_the_eighth_are_those_of_the_next_line_of_other_cards(tmp_path):
@@ -85,7 +85,7 @@ def test_values_beyond_the_eighth_are_those_of_the_next_line_of_other_cards(tmp_
     text = FRAME.replace("CBAR,1,1,1,2,0.,1.,0.\n", "CBAR,1,1,1,2,0.,1.,0.,,,6\n")
     text = text.replace("PBAR,1,1,1.-4,1.-8,1.-8,1.-8", "PBARL,1,1,,TUBE,,,,,.05,.04")
     path.write_text(f"{text}CONM2,90,20,,40.,,,,,.7\n")
-    deck = read_nastran_frame(path, Units())
+    deck = read_nastran_frame(path, DeckUnits())
     assert np.isfinite(deck.bars.stiffness[0]).sum() == 1
     assert pytest.approx(np.pi * (0.05**2 - 0.04**2)) == deck.properties[0].section.A
     assert deck.bodies[0].inertia[0, 0] == 0.7

@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 
 from joint import (
     CoordinateSet,
-    IdentificationError,
     Interface,
+    JointIdentificationError,
     coordinates_of,
     couple,
     identify_joint,
@@ -193,7 +193,7 @@ def test_responses_and_inputs_may_be_at_different_coordinates(receptances, Z_tru
 def test_translations_on_a_straight_centreline_are_refused_by_name(receptances, Z_true):
     beams = substructures(receptances, ALL_NODES, directions=("x", "y", "z"))
     assembly = couple(beams, Z_true)
-    with pytest.raises(IdentificationError) as refusal:
+    with pytest.raises(JointIdentificationError) as refusal:
         identify_joint(beams, FREQUENCY, assembly.H_nn)
     assert "rank 10 of 12" in str(refusal.value)
     assert "U11:rx" in str(refusal.value)
@@ -203,13 +203,13 @@ def test_translations_on_a_straight_centreline_are_refused_by_name(receptances, 
 def test_one_beam_alone_does_not_show_the_other_side_of_the_joint(receptances, Z_true):
     beams = substructures(receptances, UPPER[:8])
     assembly = couple(beams, Z_true)
-    with pytest.raises(IdentificationError, match=r"rank 6 of 12.*D22:"):
+    with pytest.raises(JointIdentificationError, match=r"rank 6 of 12.*D22:"):
         identify_joint(beams, FREQUENCY, assembly.H_nn)
 
 
 def test_far_nodes_lose_the_evanescent_field_and_are_refused(receptances, Z_true):
     beams = substructures(receptances, ["U1", "D42"])
-    with pytest.raises(IdentificationError, match=r"no line is regular.*40 Hz"):
+    with pytest.raises(JointIdentificationError, match=r"no line is regular.*40 Hz"):
         identify_joint(beams, FREQUENCY, couple(beams, Z_true).H_nn)
 
 

@@ -9,8 +9,8 @@ from fem.model import DIRECTIONS
 from joint import (
     CoordinateSet,
     FormError,
-    IdentificationError,
     Interface,
+    JointIdentificationError,
     SubstructureFRF,
     Uncertain,
     couple,
@@ -68,7 +68,7 @@ def test_constraints_cut_the_unknowns_and_what_data_they_need(form):
     # six inputs far from the joint see it badly; what is asked is that they see it
     found = identify_average(slim, FREQUENCY, H, massless)
     assert relative(found.K, massless.matrix("K", theta)) < 1e-8
-    with pytest.raises(IdentificationError, match="6 internal inputs cannot determine 12"):
+    with pytest.raises(JointIdentificationError, match="6 internal inputs cannot determine 12"):
         identify_average(slim, FREQUENCY, H, full_form(slim.interface.joint, "K"))
 
 
@@ -96,9 +96,9 @@ def test_reduced_joint_coordinates_are_refused(square):
     )
     H = couple(square, joint_impedance(FREQUENCY, *full_joint())).H_nn
     form = full_form(reduced.interface.joint)
-    with pytest.raises(IdentificationError, match="reduced: node U10 lacks rx ry rz, and 1 more"):
+    with pytest.raises(JointIdentificationError, match="reduced: node U10 lacks rx ry rz, and 1 more"):
         identify_average(reduced, FREQUENCY, H, form)
-    with pytest.raises(IdentificationError, match=r"constant matrices leave .* no function"):
+    with pytest.raises(JointIdentificationError, match=r"constant matrices leave .* no function"):
         identify_average(reduced, FREQUENCY, H, form, complete=True, misfit_limit=0.02)
 
 
@@ -107,7 +107,7 @@ def test_one_line_does_not_tell_stiffness_from_mass(square):
     one = SubstructureFRF(
         FREQUENCY[:1], square.interface, square.H_aa[:1], square.H_ab[:1], square.H_ba[:1], square.H_bb[:1]
     )
-    with pytest.raises(IdentificationError, match=r"1 lines determine 156 of 312 parameters; .*U10:"):
+    with pytest.raises(JointIdentificationError, match=r"1 lines determine 156 of 312 parameters; .*U10:"):
         identify_average(one, FREQUENCY[:1], H[:1], full_form(one.interface.joint))
 
 
@@ -273,7 +273,7 @@ def test_rubber_is_found_with_its_law(slim, kind):
     fit = fit_joint(form, slim, FREQUENCY, noisy(H, 1e-3, np.random.default_rng(0)), start, noise=1e-3)
     assert abs((fit.values - theta) / fit.std).max() < 4.5
     assert fit.chi2 < 1.1
-    with pytest.raises(IdentificationError, match="not linear"):
+    with pytest.raises(JointIdentificationError, match="not linear"):
         identify_average(slim, FREQUENCY, H, form)
 
 

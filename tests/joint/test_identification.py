@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 
 from joint import (
     CoordinateSet,
-    IdentificationError,
     Interface,
+    JointIdentificationError,
     SubstructureFRF,
     characteristic_length,
     coordinates_of,
@@ -98,7 +98,7 @@ def test_a_massless_joint_needs_only_as_many_coordinates_as_relative_ones():
 def test_too_few_internal_coordinates_are_refused():
     for n_out, n_in, word in ((1, 4, "outputs"), (4, 1, "inputs")):
         frf = structure(n_out, n_in, TWO)
-        with pytest.raises(IdentificationError, match=f"1 internal {word} cannot determine 2 joint"):
+        with pytest.raises(JointIdentificationError, match=f"1 internal {word} cannot determine 2 joint"):
             identify_joint(frf, FREQUENCY, frf.H_aa)
 
 
@@ -107,11 +107,11 @@ def test_unseen_combination_of_joint_coordinates_is_named():
     H_ab = frf.H_ab.copy()
     H_ab[:, :, 2] = 0.5 * H_ab[:, :, 0]
     unseen = r"H_ab has rank 2 of 3 at best over 3 lines: .* joint forces \+1.00 C:z -0.50 A:z"
-    with pytest.raises(IdentificationError, match=unseen):
+    with pytest.raises(JointIdentificationError, match=unseen):
         identify_joint(with_blocks(frf, H_ab=H_ab), FREQUENCY, frf.H_aa)
     H_ba = frf.H_ba.copy()
     H_ba[:, 1] = 0
-    with pytest.raises(IdentificationError, match=r"H_ba has rank 2 of 3 .* the joint coordinates B:z;"):
+    with pytest.raises(JointIdentificationError, match=r"H_ba has rank 2 of 3 .* the joint coordinates B:z;"):
         identify_joint(with_blocks(frf, H_ba=H_ba), FREQUENCY, frf.H_aa)
 
 
@@ -131,7 +131,7 @@ def test_lines_without_full_rank_are_nan_and_not_regular():
 def test_no_regular_line_is_refused():
     frf = structure(6, 6, TWO)
     H_nn = couple(frf, joint_impedance(FREQUENCY, K2)).H_nn
-    with pytest.raises(IdentificationError, match=r"no line is regular: .* 1.0e\+00 is allowed; least"):
+    with pytest.raises(JointIdentificationError, match=r"no line is regular: .* 1.0e\+00 is allowed; least"):
         identify_joint(frf, FREQUENCY, H_nn, amplification_limit=1.0)
 
 

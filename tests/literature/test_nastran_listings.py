@@ -4,7 +4,7 @@ import numpy as np
 
 from fem import assemble, solve_modes
 from fem.io import model_of
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.nastran_frame import read_nastran_frame
 
 LISTED = (456.6603, 456.6603, 2674.588, 2674.588, 3554.923, 4507.487, 6626.104, 6626.104, 11111.59, 11111.59)
@@ -26,5 +26,5 @@ def test_a_stocky_cantilever_of_cbar_and_cbeam_with_a_body(tmp_path):
     lines += ["CBEAM,10,3,10,11,0.,1.,0."]
     path = tmp_path / "cantilever.bdf"
     path.write_text("\n".join(lines) + "\n")
-    modes = solve_modes(assemble(model_of(read_nastran_frame(path, Units()))), 10)
+    modes = solve_modes(assemble(model_of(read_nastran_frame(path, DeckUnits()))), 10)
     np.testing.assert_allclose(modes.frequency, LISTED, rtol=1e-6)

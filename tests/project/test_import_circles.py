@@ -16,7 +16,11 @@ def modules_in(root: Path) -> dict[str, Path]:
 
 def imported_by(file: Path, modules: dict[str, Path]) -> Iterator[str]:
     """Yield the modules that a file imports anywhere in its text: no import of ours is relative."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    nodes: list[ast.AST] = [ast.parse(file.read_text(encoding="utf-8"))]
+    while nodes:
+        node = nodes.pop()
+        for key in ("body", "orelse", "finalbody", "handlers", "cases"):  # expressions hold no imports
+            nodes += getattr(node, key, [])
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

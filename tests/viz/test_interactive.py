@@ -252,8 +252,8 @@ def test_sensors_have_the_colours_of_their_errors_and_their_names():
 
 def test_places_are_marked_where_they_are():
     places = [
-        solids.Place(np.array([0.2, 0, 0]), "joint J", NASTY),
-        solids.Place(np.array([0.4, 0, 0]), "beam at 0.4", "a candidate", "candidate"),
+        solids.MarkedPlace(np.array([0.2, 0, 0]), "joint J", NASTY),
+        solids.MarkedPlace(np.array([0.4, 0, 0]), "beam at 0.4", "a candidate", "candidate"),
     ]
     figure = model.model_figure(beam(4), places=places)
     found, candidate = (
@@ -384,7 +384,7 @@ def test_no_figure_offers_to_send_its_data_away():
 
 def test_legends_begin_below_the_tool_bar(measured):
     made = (
-        model.model_figure(beam(2), places=[solids.Place(np.zeros(3), "p", "a place")]),
+        model.model_figure(beam(2), places=[solids.MarkedPlace(np.zeros(3), "p", "a place")]),
         frf.frf_figure(measured, {"nominal": measured}, (measured.outputs[0], measured.inputs[0])),
         error.staircase_figure([("nominal", 6.0, 7.0), ("fitted", 1.0, 2.0)], 0.5),
         error.ranking_figure(["a", "b"], [1.0, 2.0], 3.0),

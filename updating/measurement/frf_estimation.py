@@ -363,6 +363,23 @@ def split_hits(
 # Data -------------------------------------------------------------------------------------------------------
 
 
+def level_at_end(blocks: ArrayLike) -> Floats:
+    """Return the level of responses at the end of blocks over their peaks, the most of all, (n_out,) [-].
+
+    It is the amplitude of a sine with the mean square of the last twentieth. A response that has not died
+    away leaks into its FRF.
+
+    Parameters
+    ----------
+    blocks : array_like (n_blocks, n_samples, n_out)
+        As of :func:`split_hits`.
+    """
+    x = np.asarray(blocks, dtype=float)
+    peak = np.abs(x).max(axis=1)
+    last = np.sqrt(2 * (x[:, -max(1, x.shape[1] // 20) :] ** 2).mean(axis=1))
+    return np.divide(last, peak, out=np.zeros(peak.shape), where=peak > 0).max(axis=0)
+
+
 def _check_choice(word: str, value: str, allowed: tuple[str, ...]) -> None:
     if value not in allowed:
         msg = f"the {word} is '{value}'; allowed are {', '.join(allowed)}"

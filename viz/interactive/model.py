@@ -14,7 +14,7 @@ from updating.measurement.measurement import MOTION, Sensor
 from viz import style
 from viz.interactive.solids import (
     SYMBOLS,
-    Place,
+    MarkedPlace,
     arrows_trace,
     line_of_vertex,
     part_of,
@@ -43,9 +43,9 @@ def model_figure(
     *,
     errors: Mapping[str, float] | None = None,
     limits: tuple[float, float] | None = None,
-    places: Sequence[Place] = (),
+    places: Sequence[MarkedPlace] = (),
     members: Mapping[str, float] | None = None,
-    joints: Sequence[tuple[Place, float]] = (),
+    joints: Sequence[tuple[MarkedPlace, float]] = (),
     members_label: str = "share of the misfit [-]",
     title: str = "",
     height: float = 520,
@@ -168,7 +168,9 @@ def _valued_members(
     )
 
 
-def _valued_joints(joints: Sequence[tuple[Place, float]], label: str, top: float) -> list[dict[str, Any]]:
+def _valued_joints(
+    joints: Sequence[tuple[MarkedPlace, float]], label: str, top: float
+) -> list[dict[str, Any]]:
     """Return joints and supports in the colours of members."""
     if not joints:
         return []

@@ -31,7 +31,7 @@ SYMBOLS = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class MarkedPlace:
     """A place to mark on a structure.
 
     Attributes
@@ -132,7 +132,7 @@ def points_trace(
     }
 
 
-def place_traces(places: Sequence[Place]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def place_traces(places: Sequence[MarkedPlace]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return traces of marked places, and the texts beside findings and faults."""
     looks = {
         "finding": ("found effect", style.HIGHLIGHT, "circle-open", 16),

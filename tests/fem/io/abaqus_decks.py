@@ -5,7 +5,7 @@ import numpy as np
 from fem import assemble, solve_modes
 from fem.io import model_of
 from fem.io.abaqus_frame import read_abaqus_frame
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 
 E, RHO, L = 2.1e11, 7800.0, 2.0
 STEEL = f"*MATERIAL, NAME=STEEL\n*ELASTIC\n{E}, 0.3\n*DENSITY\n{RHO}\n"
@@ -25,7 +25,7 @@ def deck_of(folder, text, units=None):
     """Return the deck of a text."""
     path = folder / "a.inp"
     path.write_text(text)
-    return read_abaqus_frame(path, units or Units())
+    return read_abaqus_frame(path, units or DeckUnits())
 
 
 def frequencies(folder, text, n=4, units=None, size=None):

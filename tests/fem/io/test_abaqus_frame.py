@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem import MeshError
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.model import DIRECTIONS
 from tests.fem.io.abaqus_decks import CLAMPED, RECT, RHO, STEEL, E, L, cantilever, deck_of, frequencies, line
 
@@ -235,7 +235,7 @@ def test_non_structural_mass(tmp_path, units, factor):
 
 def test_materials_have_damping(tmp_path):
     text = STEEL + "*DAMPING, ALPHA=2., BETA=1e-4, STRUCTURAL=.02\n"
-    deck = deck_of(tmp_path, line() + text + RECT, Units(1e-3, 1e3, 1e-3))
+    deck = deck_of(tmp_path, line() + text + RECT, DeckUnits(1e-3, 1e3, 1e-3))
     assert deck.damping is not None
     assert (deck.damping.alpha, deck.damping.beta) == pytest.approx((2000, 1e-7))
     assert deck.properties[0].material.loss_factor == 0.02
@@ -246,7 +246,7 @@ def test_units(tmp_path):
     text = line(end=(2000.0, 0.0, 0.0)) + steel + RECT.replace("0.02, 0.03", "20, 30")
     text += "*ELEMENT, TYPE=MASS, ELSET=M\n90, 11\n*MASS, ELSET=M\n1e-3\n" + CLAMPED
     other = line() + STEEL + RECT + "*ELEMENT, TYPE=MASS, ELSET=M\n90, 11\n*MASS, ELSET=M\n1.\n" + CLAMPED
-    f = frequencies(tmp_path, text, 4, Units(1e-3, 1e3, 1.0))
+    f = frequencies(tmp_path, text, 4, DeckUnits(1e-3, 1e3, 1.0))
     np.testing.assert_allclose(f, frequencies(tmp_path, other, 4), rtol=1e-9)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from fem import assemble, solve_modes
 from fem.io import model_of
-from fem.io.deck_units import Units
+from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import Body
 from fem.model import DIRECTIONS
 from tests.fem.io.abaqus_decks import CLAMPED, RECT, RHO, STEEL, E, L, deck_of, frequencies, line
@@ -232,7 +232,7 @@ def test_equations_of_sets_in_the_deck_s_units(tmp_path):
         BEAM + "*NSET, NSET=A\n2, 3\n*NSET, NSET=B\n4, 5\n*EQUATION\n"
         "2\nA, 1, 1., B, 6, -5.\n3\n7, 1, 2.\n8, 2, 3.\n9, 3, 4\n"
     )
-    deck = deck_of(tmp_path, text, Units(1e-3, 1.0, 1.0))
+    deck = deck_of(tmp_path, text, DeckUnits(1e-3, 1.0, 1.0))
     assert [e.terms for e in deck.equations] == [
         ((1, "x", 1.0), (3, "rz", -0.005)),
         ((2, "x", 1.0), (4, "rz", -0.005)),

@@ -1,0 +1,15 @@
+"""One name is the name of one class: a reader who searches for it finds one definition."""
+
+import ast
+from collections import Counter
+
+PACKAGES = ("fem", "updating", "joint", "viz", "dovetail")
+TWICE = {"Hypothesis", "Promise"}
+"""Of the search by evidence and of the live one, which are to become one."""
+
+
+def test_no_class_name_is_defined_twice(root):
+    files = (file for package in PACKAGES for file in (root / package).rglob("*.py"))
+    trees = (ast.parse(file.read_text(encoding="utf-8")) for file in files)
+    names = Counter(node.name for tree in trees for node in tree.body if isinstance(node, ast.ClassDef))
+    assert {name for name, count in names.items() if count > 1} <= TWICE
