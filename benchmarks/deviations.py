@@ -21,7 +21,8 @@ from dovetail.pipeline import formed_fit_problem
 from fem import Effect, parameter_values
 from fem.model import ParameterRef
 from updating import FitProblem, Measurement, StrainGauge, computed_frf, place_sensors
-from updating.inference import Solution, better_basis, fit_given, form_scatter, with_seen_noise
+from updating.inference import Solution, fit_given
+from updating.inference.scatter import form_scatter
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CASES = (
@@ -74,7 +75,7 @@ def measured(
     x[vary] = (prior.mean + prior.std * rng.standard_normal(len(x)))[vary]
     x = np.clip(x, *limits.T)
     truth = function.result(Solution(x, np.nan, 0.0, 0, True))
-    better = better_basis(problem, truth, BASIS_LINES)
+    better = problem.better_basis(truth, BASIS_LINES)
     assert better is not None
     fine = replace(problem, reduced=better[1], scatter=scatter)
     H = np.array(problem.data.H)
@@ -109,7 +110,7 @@ def main() -> None:
         rng, z, lost = np.random.default_rng(options.seed), defaultdict(list), 0
         for _ in range(options.sets):
             drawn, truth = measured(problem, effects, rng)
-            drawn = with_seen_noise(drawn, fit_given(drawn, effects)[1])
+            drawn = drawn.with_seen_noise(fit_given(drawn, effects)[1])
             _, result = fit_given(drawn, effects)
             if result.level > FAR * drawn.data.noise_level:
                 lost += 1

@@ -305,7 +305,7 @@ def sets(plan: Plan, model: Model, n: int, seed: int, first: int = 1) -> Any:
     """Yield what the diagnosis of each set says, as rows for a table and JSON."""
     kinds: dict[str, list[Outlook]] = {}
     for o in plan.relevant:
-        if o.visible.named is not None and o.relevant.kind in KINDS:
+        if o.visible.is_plausible(MULTIPLES[-1] * o.visible.enough[2]) and o.relevant.kind in KINDS:
             kinds.setdefault(o.relevant.kind, []).append(o)
     rotations = next(iter(model.of_kind(Frame))).rotations(model.mesh)
     axes = {m: rotations[rows[0]] for m, rows in model.mesh.members.items()}
@@ -314,7 +314,7 @@ def sets(plan: Plan, model: Model, n: int, seed: int, first: int = 1) -> Any:
         some = kinds[sorted(kinds)[int(rng.integers(len(kinds)))]]
         visible = some[int(rng.integers(len(some)))].visible
         multiple = MULTIPLES[(k - 1) % len(MULTIPLES)]
-        amplitude = min(multiple * visible.enough[2], float(visible.amplitudes[-1]))
+        amplitude = multiple * visible.enough[2]
         effect = visible.at(amplitude)
         assert effect is not None
         start = time.process_time()

@@ -8,7 +8,8 @@ from fem.effects import GroundDamper, PointInertia, Rotor, SideSpring
 from fem.reduction import LocalChanges, ParametricFRF, reduce_model
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, assessed_fit, build_problem
-from updating.diagnosis.evidence import Grid, screen
+from updating.diagnosis.evidence import screen
+from updating.forecast import Grid
 
 PLACES = [(3, "y"), (7, "z"), (12, "ry"), (5, "x")]
 FREQUENCY = np.linspace(20.0, 600.0, 25)

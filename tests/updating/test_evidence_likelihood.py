@@ -9,14 +9,14 @@ from scipy.linalg import eigh
 
 from benchmarks.hidden.cases import make_case
 from dovetail import load_study
+from dovetail.pipeline import fit_problem
 from fem.effects import MemberDamping
 from fem.reduction import LocalChanges
 from tests.frames import write_study
 from tests.noise import complex_normal
-from tests.studies import fit_problem
 from updating import assessed_fit, build_problem
 from updating.diagnosis.evidence import FrfRanking, Search, Start
-from updating.inference import FORM_DAMPING, FORM_MODES, direct_responses, scatter_of, with_seen_noise
+from updating.inference import FORM_DAMPING, FORM_MODES, direct_responses, scatter_of
 from updating.least_squares import Levels
 
 NOISE = 0.02
@@ -73,7 +73,7 @@ def test_noise_is_reduced_to_that_of_neighbouring_residuals(problem, fitted, sta
     H, rng = problem.receptance(fitted), np.random.default_rng(8)
     H = H * np.exp(NOISE * complex_normal(rng, H.shape))
     data = replace(problem.data, H=H, noise=np.full(H.shape, stated * NOISE))
-    found = with_seen_noise(replace(problem, data=data), fitted).data
+    found = replace(problem, data=data).with_seen_noise(fitted).data
     np.testing.assert_allclose(found.noise, believed * NOISE, rtol=0.1)
 
 

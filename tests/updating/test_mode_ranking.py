@@ -10,7 +10,8 @@ from fem import Damping, Frame, MemberProperties, Mesh, Model, assemble, first_m
 from tests.frames import FLAT, STEEL, fix
 from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating import ModeTargets, build_mode_problem, propose
-from updating.diagnosis.evidence import Grid, ModeLook, ModeRanking, candidate_terms
+from updating.diagnosis.evidence import ModeLook, ModeRanking
+from updating.forecast import Grid, candidate_terms
 
 MODULUS = "frame", "E:steel"
 

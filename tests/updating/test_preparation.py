@@ -9,7 +9,7 @@ from benchmarks.hidden.cases import make_case
 from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import ConnectionDamping
 from updating import assessed_fit, build_problem, propose
-from updating.diagnosis.evidence import Grid
+from updating.forecast import Grid
 from updating.inference import preparation
 
 

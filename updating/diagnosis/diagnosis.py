@@ -95,7 +95,7 @@ class Diagnosis:
     candidates: tuple[Effect, ...] = ()
     posterior: tuple[tuple[tuple[str, ...], float], ...] = ()
     places: tuple[tuple[str, float], ...] = ()
-    searched: Searched | None = None
+    searched: Searched[FitProblem] | None = None
     baseline: CalibratedFrfs | None = None
     departures: tuple[Departure, ...] = ()
     channel_faults: tuple[Fault, ...] = ()

@@ -247,7 +247,7 @@ class ModeDiagnosis:
     next_measurements: tuple[str, ...]
     model: Model
     problem: ModeProblem
-    searched: Searched
+    searched: Searched[ModeProblem]
     notes: tuple[str, ...]
     seconds: float
     baseline: Calibrated | None = None
@@ -353,7 +353,7 @@ def search_modes(
     exclude: Sequence[str] = (),
     model_error: float = EXPLAINED_LEVEL,
     progress: Progress | None = None,
-) -> Searched:
+) -> Searched[ModeProblem]:
     """Search what a model lacks by measured modes; parameters as of :func:`diagnose_modes`."""
     start_time, say = time.perf_counter(), progress or (lambda text, done: None)
     say("reducing the model", 0.0)
@@ -367,7 +367,7 @@ def search_modes(
     return searched_modes(search, made.formed, say)
 
 
-def searched_modes(search: Search, model: Model, say: Progress) -> Searched:
+def searched_modes(search: Search[ModeProblem], model: Model, say: Progress) -> Searched[ModeProblem]:
     """Return a search by modes of a model that has ended, with all that the data see in its posterior."""
     done = searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
     weigh_unfitted(search)
@@ -434,10 +434,9 @@ def diagnose_modes(
     return concluded(done, start_time)
 
 
-def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
+def concluded(done: Searched[ModeProblem], start_time: float) -> ModeDiagnosis:
     """Return what a search by modes has to tell; it began at a ``time.perf_counter()`` [s]."""
     search, best, problem = done.search, done.best, done.search.fits.problem
-    assert isinstance(problem, ModeProblem)
     explanations = [
         Explanation(h.effects, tuple(parameters_of(e, h.fitted) for e in h.effects), p)
         for h, p in _with_probabilities(done)
@@ -467,7 +466,7 @@ def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
     )
 
 
-def _with_probabilities(done: Searched) -> list[tuple[Hypothesis, float]]:
+def _with_probabilities(done: Searched[ModeProblem]) -> list[tuple[Hypothesis, float]]:
     """Return hypotheses with their probabilities: one of several searches is the same in all of them."""
     every = [(h, done.probability(h)) for h in done.hypotheses]
     if not done.otherwise:
@@ -484,7 +483,7 @@ def _with_probabilities(done: Searched) -> list[tuple[Hypothesis, float]]:
     return [*out.values(), *alone]
 
 
-def _reported(done: Searched) -> Hypothesis:
+def _reported(done: Searched[ModeProblem]) -> Hypothesis:
     return done.best if done.explains else done.search.known[frozenset()]
 
 
@@ -497,7 +496,7 @@ def _next(d: ModeDiagnosis) -> tuple[str, ...]:
     return next_measurements(d.searched.model, models, t.n, float(t.frequency[-1]))
 
 
-def _bad_readings(done: Searched, problem: ModeProblem) -> list[BadReading]:
+def _bad_readings(done: Searched[ModeProblem], problem: ModeProblem) -> list[BadReading]:
     """Return how probable it is over all hypotheses that each reading does not belong.
 
     What the library does not have may explain any reading.

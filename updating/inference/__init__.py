@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from fem.lazy import names_on_use
 
 if TYPE_CHECKING:
-    from updating.inference.bases import BASIS_SHARE, better_basis
+    from updating.inference.bases import BASIS_SHARE
     from updating.inference.belief import (
         EFFECT_ODDS,
         FAR_STD,
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from updating.inference.effect_priors import EffectPrior, log_occam_factor
     from updating.inference.fit_data import MODEL_ERROR, FitData, prepare, sensor_vectors
     from updating.inference.fit_function import ROBUST
-    from updating.inference.fitting import FULL_LINES, fit_given, with_seen_noise
+    from updating.inference.fitting import FULL_LINES, fit_given
     from updating.inference.form import form_of
     from updating.inference.formed import formed_mode_problem, formed_problem
     from updating.inference.joint_fit import JointFunction, with_modes
@@ -77,7 +77,6 @@ __all__ = [
     "ScaledUnknown",
     "Solution",
     "Workers",
-    "better_basis",
     "by_size",
     "channel_scatter",
     "cores",
@@ -103,6 +102,5 @@ __all__ = [
     "solve_robust",
     "with_higher_mass",
     "with_modes",
-    "with_seen_noise",
     "with_turning",
 ]

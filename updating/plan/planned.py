@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRFKind
 from fem.model import Model
-from updating.inference.belief import DISCREPANCY_MAX, DISCREPANCY_MIN
+from updating.inference.belief import DISCREPANCY_MIN
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.scatter import form_scatter
@@ -88,6 +88,8 @@ def as_planned(problem: FitProblem, base: FitResult) -> FitProblem:
 def usual_discrepancy(model_error: float) -> float:
     """Return the level that a right model of beams usually leaves besides noise [nepers].
 
-    The geometric mean of the least and the most that fits allow (:mod:`updating.inference.belief`).
+    The least that fits allow (:mod:`updating.inference.belief`). Beside the small deviations that fits have
+    among their unknowns no more was left: in 20 of 21 structures of other codes nothing beyond the noise, in
+    one 0.14 dB. Of measured structures an earlier test says more.
     """
-    return float(np.sqrt(DISCREPANCY_MIN * DISCREPANCY_MAX) * model_error)
+    return DISCREPANCY_MIN * model_error

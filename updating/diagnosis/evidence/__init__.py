@@ -12,15 +12,22 @@ if TYPE_CHECKING:
     from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, search_by_evidence
     from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
     from updating.diagnosis.evidence.halving import Damped
-    from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, n_changes, near_to, values_of
+    from updating.diagnosis.evidence.hypothesis import (
+        Hypothesis,
+        Odds,
+        Promised,
+        Start,
+        n_changes,
+        near_to,
+        values_of,
+    )
     from updating.diagnosis.evidence.mode_ranking import ModeLook, ModeRanking
     from updating.diagnosis.evidence.places import place_of, places_of
     from updating.diagnosis.evidence.ranking import FrfRanking
     from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
     from updating.diagnosis.evidence.scan import Scan
-    from updating.diagnosis.evidence.screening import Grid, candidate_terms, look_at, screen
+    from updating.diagnosis.evidence.screening import best_starts, look_at, screen
     from updating.diagnosis.evidence.search import Search
-    from updating.diagnosis.evidence.shortlist import linear_gains
 else:
     __getattr__, __dir__ = names_on_use(__name__)
 
@@ -34,21 +41,20 @@ __all__ = [
     "Damped",
     "Fits",
     "FrfRanking",
-    "Grid",
     "Hypothesis",
     "ModeLook",
     "ModeRanking",
     "Odds",
+    "Promised",
     "Scan",
     "Search",
     "Searched",
     "Start",
     "as_read",
-    "candidate_terms",
+    "best_starts",
     "doubtful",
     "gains_without",
     "left_out",
-    "linear_gains",
     "log_prior",
     "look_at",
     "n_changes",

@@ -1,0 +1,287 @@
+"""What each of many candidates would do to the data of a fit: gain, standard deviation, likeness.
+
+To first order in the effect and in all that varies beside it. The change of the receptances by a little of an
+effect is -Hₒ ΔZ Hᵢ, from the responses at all DOFs and the effect's own few element matrices, so that no
+candidate is projected. What uncertain parameters, the form, damping and channels could do of it is taken away
+with their priors. The rest, v in whitened residuals, makes the effect known to ± 1/|v|: of size a it gains
+½ (a |v|)² nats over a model without it, and the share cos² of that over one with another effect.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, ParameterRef
+from fem.reduction.local_changes import Fields
+from updating.forecast.grid import Grid, Little
+from updating.forecast.look import Complexes, Floats, Look
+from updating.forecast.sizes import Sizes
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
+from updating.inference.fitting import FULL_LINES
+from updating.inference.heartbeat import beat
+
+MOST_VALUES, MOST_COMPARED = 10_000, 3_000
+"""Largest number of values of FRFs that are used for gains, and where changes are kept to be compared."""
+MOST_RESPONSES = 20_000_000
+"""Largest number of responses of all DOFs, to sensors and forces at all lines, that are kept."""
+LEAST_LINES = 12
+"""Lines that are kept of them in any case."""
+ROUNDING = 1e-9
+"""Changes of residuals by the largest plausible size below this are none [nepers]."""
+LEAST_SQUARE = 1e-300
+"""A sum of squared residuals below this is none."""
+TOGETHER = 500
+"""Number of small changes that are judged at once."""
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Batch:
+    """Some small changes of the residuals.
+
+    Attributes
+    ----------
+    full, low : ndarray (n, m)
+        Of the full band and of the low one.
+    most : ndarray (n,)
+    one_sided : ndarray of bool (n,)
+    replaced : list of tuple of (effect, parameter)
+    """
+
+    full: Complexes
+    low: Complexes
+    most: Floats
+    one_sided: NDArray[np.bool_]
+    replaced: list[tuple[ParameterRef, ...]]
+
+
+@dataclass(eq=False)
+class Forecast:
+    """What a little of each of some candidates does, at each of its places, n in all.
+
+    Attributes
+    ----------
+    look : Look
+        At the fit.
+    littles : tuple of Little
+        Of the candidates.
+    owner, place : ndarray of int (n,)
+        Candidate of each, and which of its places.
+    squares : ndarray (n, n_groups + 1)
+        Mean squares of what nothing uncertain can do of each group's residuals and, behind these, half the
+        squares of what is known beforehand.
+    precision : ndarray (n,)
+        1 / standard deviation of the multiple: |v|.
+    cost, factor : ndarray (n,)
+        Negative log posterior that the best multiple leaves of the data, infinite where it is invisible, and
+        that multiple.
+    share : ndarray (n,)
+        Part of the sum of the squared whitened residuals that the best multiple takes away [-].
+    low : ndarray (n,)
+        Level on the low band that is left.
+    vectors : ndarray (n, r)
+        v, where it was asked for.
+    changes : ndarray (n, m)
+        Changes of the weighted residuals of the full band, where they were asked for.
+    """
+
+    look: Look
+    littles: tuple[Little, ...]
+    owner: Ints
+    place: Ints
+    squares: Floats
+    precision: Floats
+    cost: Floats
+    factor: Floats
+    share: Floats
+    low: Floats
+    vectors: Floats = field(repr=False)
+    changes: Complexes = field(repr=False)
+
+    @classmethod
+    def at(
+        cls,
+        problem: FitProblem,
+        base: FitResult,
+        candidates: Sequence[Effect],
+        *,
+        besides: float | None = None,
+        n_places: int = 0,
+        vectors: bool = False,
+    ) -> "Forecast":
+        """Return what candidates would do at a fit; parameters as of :meth:`of` and of :meth:`Look.of`."""
+        most = MOST_COMPARED if vectors else MOST_VALUES
+        look = Look.of(problem, base, n_lines(problem), 0, most, besides)
+        grids = [Grid.of(problem, e) for e in candidates]
+        return cls.of(look, grids, n_places=n_places, vectors=vectors)
+
+    @classmethod
+    def of(
+        cls,
+        look: Look,
+        grids: Sequence[Grid],
+        *,
+        n_places: int = 0,
+        vectors: bool = False,
+        changes: bool = False,
+    ) -> "Forecast":
+        """Return what a little of each candidate does beyond all that may vary.
+
+        Parameters
+        ----------
+        look : Look
+        grids : sequence of Grid
+        n_places : int
+            Of more places of a candidate evenly spaced ones count; 0 for all.
+        vectors, changes : bool
+            Whether these will be asked for.
+        """
+        littles = tuple(Little.of(grid, look.base.values, n_places) for grid in grids)
+        n_each = [len(little.points) for little in littles]
+        n, m = sum(n_each), len(look.share)
+        out = cls(
+            look,
+            littles,
+            np.repeat(np.arange(len(grids)), n_each),
+            np.concatenate([np.arange(0), *(np.arange(k) for k in n_each)]).astype(np.int64),
+            np.empty((n, look.share.shape[1] + 1)),
+            *(np.empty(n) for _ in range(5)),
+            np.empty((n if vectors else 0, look.slopes.shape[1])),
+            np.empty((n if changes else 0, m), dtype=complex),
+        )
+        root = np.sqrt(np.concatenate([look.weights[:m]] * 2 + [look.weights[m:]]))
+        for rows, batch in out._batches():
+            beat()
+            none = np.abs(batch.full).max(axis=1, initial=0.0) * np.maximum(batch.most, 1.0) < ROUNDING
+            batch.full[none] = 0.0
+            out.cost[rows], out.factor[rows] = look.linear(
+                batch.full, batch.most, batch.one_sided, batch.replaced
+            )
+            out.low[rows] = look.low_levels(batch.low, batch.most, batch.one_sided)
+            if changes:
+                out.changes[rows] = batch.full
+            for without in set(batch.replaced):
+                k = np.array([i for i, each in enumerate(batch.replaced) if each == without])
+                rest = look.adapted(batch.full[k], without)
+                data, known = rest[:, :m], rest[:, m:].real
+                of_groups = np.abs(data) ** 2 @ look.share
+                out.squares[rows[k]] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
+                v = np.hstack([data.real, data.imag, known]) * root
+                now = look.adapted(look.now[None], without, look.off)[0]
+                y = np.concatenate([now[:m].real, now[:m].imag, now[m:].real]) * root
+                a, square = out.factor[rows[k]], (v**2).sum(axis=1)
+                out.share[rows[k]] = -a * (2 * (v @ y) + a * square) / max(float(y @ y), LEAST_SQUARE)
+                out.precision[rows[k]] = np.sqrt(square)
+                if vectors:
+                    out.vectors[rows[k]] = v
+        return out
+
+    def _batches(self) -> Iterator[tuple[Ints, _Batch]]:
+        """Yield the rows and the changes of some places at a time."""
+        fields = self.look.fields()
+        ends = np.searchsorted(self.owner, np.arange(len(self.littles) + 1))
+        first = 0
+        while first < len(self.littles):
+            last = max(int(np.searchsorted(ends, ends[first] + TOGETHER, "right")) - 1, first + 1)
+            some = self.littles[first:last]
+            rows = np.arange(ends[first], ends[last])
+            change = np.concatenate(
+                [np.zeros((0, len(self.look.at)), complex), *map(self._change(fields), some)]
+            )
+            n_each = [len(little.points) for little in some]
+            full = self.look.full_band
+            yield (
+                rows,
+                _Batch(
+                    change[:, full],
+                    change[:, ~full],
+                    np.concatenate([np.zeros(0), *(little.most for little in some)]),
+                    np.repeat([little.grid.one_sided() for little in some], n_each),
+                    [
+                        tuple(o.grid.effect.replaces())
+                        for o, k in zip(some, n_each, strict=True)
+                        for _ in range(k)
+                    ],
+                ),
+            )
+            first = last
+
+    def _change(self, fields: Fields) -> Callable[[Little], Complexes]:
+        """Return a function that gives the changes of all residuals by a little of a candidate.
+
+        What releases a constraint, or replaces a parameter that is uncertain, has no small element matrices.
+        """
+        look, model = self.look, self.look.problem.reduced.model
+
+        def change(little: Little) -> Complexes:
+            effect = little.grid.effect
+            if effect.released() or little.absent is not None:
+                return look.all_changes(Grid(effect, little.points))
+            slopes = [
+                fields.slope(model.parts_of(effect.with_values(**point)), effect.connection)
+                for point in little.points
+            ]
+            return look.first_order(np.stack(slopes)) if slopes else np.zeros((0, len(look.at)), complex)
+
+        return change
+
+    @property
+    def candidates(self) -> tuple[Effect, ...]:
+        """The candidates."""
+        return tuple(little.grid.effect for little in self.littles)
+
+    @cached_property
+    def gains(self) -> Floats:
+        """Gains in log likelihood by the best multiple, (n,): -∞ of what the data do not see [nats]."""
+        return self.look.cost_now - self.cost
+
+    @cached_property
+    def best_gains(self) -> Floats:
+        """The largest gain of each candidate over its places, (n_candidates,) [nats]."""
+        return self._over_places(np.maximum, self.gains)
+
+    @property
+    def best_shares(self) -> Floats:
+        """The largest share of each candidate over its places, (n_candidates,) [-]."""
+        return np.maximum(self._over_places(np.maximum, self.share), 0.0)
+
+    @cached_property
+    def log_evidence(self) -> Floats:
+        """Ln of the likelihood ratio over nothing, averaged over sizes and places, (n_candidates,).
+
+        Of what the data do not see it is 0: its probability is that beforehand.
+        """
+        each = np.zeros(len(self.owner))
+        for i in np.flatnonzero(np.isfinite(self.gains) & (self.precision > 0)):
+            sizes = self._sizes[int(self.owner[i])]
+            share = sizes.log_share(int(self.place[i]), float(self.factor[i]), 1 / float(self.precision[i]))
+            each[i] = max(float(self.gains[i]), 0.0) + share
+        n_each = np.bincount(self.owner, minlength=len(self.littles))
+        return self._over_places(np.logaddexp, each) - np.log(np.maximum(n_each, 1))
+
+    @cached_property
+    def _sizes(self) -> dict[int, Sizes]:
+        seen = np.unique(self.owner[np.isfinite(self.gains)])
+        return {int(k): Sizes.of(self.look.problem, self.littles[k]) for k in seen}
+
+    def _over_places(self, together: np.ufunc, each: Floats) -> Floats:
+        out = np.full(len(self.littles), -np.inf)
+        together.at(out, self.owner, each)
+        return out
+
+    def effect_at(self, i: int, factor: float) -> Effect:
+        """Return a candidate at one of its places and at a multiple of its little there."""
+        little = self.littles[self.owner[i]]
+        return little.grid.effect.with_values(**little.values(int(self.place[i]), factor))
+
+
+def n_lines(problem: FitProblem) -> int:
+    """Return at how many lines the responses of all DOFs are kept."""
+    frf = problem.data.measurement.frf
+    responses = problem.reduced.model.n_dof * (len(frf.outputs) + len(frf.inputs))
+    return min(FULL_LINES, max(MOST_RESPONSES // responses, LEAST_LINES))
