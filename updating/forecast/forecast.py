@@ -34,7 +34,7 @@ ROUNDING = 1e-9
 """Changes of residuals by the largest plausible size below this are none [nepers]."""
 LEAST_SQUARE = 1e-300
 """A sum of squared residuals below this is none."""
-TOGETHER = 500
+TOGETHER = 200
 """Number of small changes that are judged at once."""
 
 Ints = NDArray[np.int64]
@@ -113,12 +113,13 @@ class Forecast:
         besides: float | None = None,
         n_places: int = 0,
         vectors: bool = False,
+        say: Callable[[float], None] = lambda done: None,
     ) -> "Forecast":
         """Return what candidates would do at a fit; parameters as of :meth:`of` and of :meth:`Look.of`."""
         most = MOST_COMPARED if vectors else MOST_VALUES
-        look = Look.of(problem, base, n_lines(problem), 0, most, besides)
+        look = Look.of(problem, base, n_lines(problem), 0, most, besides, bounded=not vectors)
         grids = [Grid.of(problem, e) for e in candidates]
-        return cls.of(look, grids, n_places=n_places, vectors=vectors)
+        return cls.of(look, grids, n_places=n_places, vectors=vectors, say=say)
 
     @classmethod
     def of(
@@ -129,6 +130,7 @@ class Forecast:
         n_places: int = 0,
         vectors: bool = False,
         changes: bool = False,
+        say: Callable[[float], None] = lambda done: None,
     ) -> "Forecast":
         """Return what a little of each candidate does beyond all that may vary.
 
@@ -140,6 +142,8 @@ class Forecast:
             Of more places of a candidate evenly spaced ones count; 0 for all.
         vectors, changes : bool
             Whether these will be asked for.
+        say : callable
+            Called with the fraction done.
         """
         littles = tuple(Little.of(grid, look.base.values, n_places) for grid in grids)
         n_each = [len(little.points) for little in littles]
@@ -157,6 +161,7 @@ class Forecast:
         root = np.sqrt(np.concatenate([look.weights[:m]] * 2 + [look.weights[m:]]))
         for rows, batch in out._batches():
             beat()
+            say(float(rows[-1] + 1) / n if len(rows) else 1.0)
             none = np.abs(batch.full).max(axis=1, initial=0.0) * np.maximum(batch.most, 1.0) < ROUNDING
             batch.full[none] = 0.0
             out.cost[rows], out.factor[rows] = look.linear(

@@ -130,11 +130,13 @@ class Look:
         n_low: int,
         most: int,
         besides: float | None = None,
+        *,
+        bounded: bool = True,
     ) -> "Look":
         """Look from where the base is.
 
-        Data that are still to come will leave noise and ``besides`` [nepers], and their uncertain parameters
-        are not at bounds yet.
+        Data that are still to come will leave noise and ``besides`` [nepers]. Unless ``bounded`` uncertain
+        parameters vary that are at a bound as well: with other data they would not be.
         """
         problem = problem.unloaded(base)
         full = problem.lines_up_to(np.inf, n_full)
@@ -162,7 +164,7 @@ class Look:
         low_bound, high_bound = function.limits().T
         near = NEAR_BOUND * np.where(np.isfinite(prior.std), prior.std, 0.0)
         free = (x > low_bound + near) & (x < high_bound - near)
-        free |= besides is not None  # of data still to come nothing says that it is there
+        free |= not bounded
         slopes = slopes[free]
         prior_of = tuple(v.ref for v in function.variables)
         refs = tuple(v.ref for v, is_free in zip(function.variables, free, strict=False) if is_free)

@@ -205,7 +205,6 @@ def visibility(
         Averages so far over those that there will be [-].
     """
     problem = replace(problem, data=problem.data.averaged(averaged))
-    say("what a little of each effect does", 0.0)
     forecast = Forecast.at(
         problem,
         base,
@@ -213,6 +212,7 @@ def visibility(
         besides=discrepancy,
         n_places=max(1, MOST_POSITIONS // max(len(candidates), 1)),
         vectors=True,
+        say=lambda done: say("what a little of each effect does", 0.8 * done),
     )
     owner, littles = forecast.owner, forecast.littles
     n_places = np.bincount(owner, minlength=len(candidates))
