@@ -212,7 +212,7 @@ def visibility(
         besides=discrepancy,
         n_places=max(1, MOST_POSITIONS // max(len(candidates), 1)),
         vectors=True,
-        say=lambda done: say("what a little of each effect does", 0.8 * done),
+        say=lambda done: say("what a little of each effect does", 0.7 * done),
     )
     owner, littles = forecast.owner, forecast.littles
     n_places = np.bincount(owner, minlength=len(candidates))
