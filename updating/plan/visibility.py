@@ -280,7 +280,7 @@ def _learned(forecast: Forecast) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Worth:
-    """What multiples of small changes gain.
+    """Gains of multiples of small changes.
 
     ½ (a |v|)² as long as the change is small beside what a right model leaves; beyond, its logarithm.
     """
@@ -322,14 +322,14 @@ class _Worth:
 
 
 def expected_gains(forecast: Forecast, a: Floats, discrepancy: float | None) -> Floats:
-    """Return the expected gains in log evidence (n,) of effects that are multiples (n,) of a little [nats]."""
+    """Return the expected gains in log evidence (n,) of multiples (n,) of a little [nats]."""
     return _Worth.of(forecast, discrepancy, 1.0).gains(a)
 
 
 def least_amplitudes(
     forecast: Forecast, wanted: Floats, discrepancy: float | None, averaged: float = 1.0
 ) -> Floats:
-    """Return the multiples (n,) of small changes that gain what is wanted (n,); infinite if none does [nats]."""
+    """Return the multiples (n,) of a little that gain what is wanted (n,) [nats]; infinite if none does."""
     worth = _Worth.of(forecast, discrepancy, averaged)
     slope = worth.slope
     seen = slope > 0
