@@ -34,30 +34,10 @@ ROUNDING = 1e-9
 """Changes of residuals by the largest plausible size below this are none [nepers]."""
 LEAST_SQUARE = 1e-300
 """A sum of squared residuals below this is none."""
-TOGETHER = 500
+TOGETHER = 200
 """Number of small changes that are judged at once."""
 
 Ints = NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Batch:
-    """Some small changes of the residuals.
-
-    Attributes
-    ----------
-    full, low : ndarray (n, m)
-        Of the full band and of the low one.
-    most : ndarray (n,)
-    one_sided : ndarray of bool (n,)
-    replaced : list of tuple of (effect, parameter)
-    """
-
-    full: Complexes
-    low: Complexes
-    most: Floats
-    one_sided: NDArray[np.bool_]
-    replaced: list[tuple[ParameterRef, ...]]
 
 
 @dataclass(eq=False)
@@ -113,12 +93,13 @@ class Forecast:
         besides: float | None = None,
         n_places: int = 0,
         vectors: bool = False,
+        say: Callable[[float], None] = lambda done: None,
     ) -> "Forecast":
         """Return what candidates would do at a fit; parameters as of :meth:`of` and of :meth:`Look.of`."""
         most = MOST_COMPARED if vectors else MOST_VALUES
-        look = Look.of(problem, base, n_lines(problem), 0, most, besides)
+        look = Look.of(problem, base, n_lines(problem), 0, most, besides, bounded=not vectors)
         grids = [Grid.of(problem, e) for e in candidates]
-        return cls.of(look, grids, n_places=n_places, vectors=vectors)
+        return cls.of(look, grids, n_places=n_places, vectors=vectors, say=say)
 
     @classmethod
     def of(
@@ -129,6 +110,7 @@ class Forecast:
         n_places: int = 0,
         vectors: bool = False,
         changes: bool = False,
+        say: Callable[[float], None] = lambda done: None,
     ) -> "Forecast":
         """Return what a little of each candidate does beyond all that may vary.
 
@@ -140,6 +122,8 @@ class Forecast:
             Of more places of a candidate evenly spaced ones count; 0 for all.
         vectors, changes : bool
             Whether these will be asked for.
+        say : callable
+            Called with the fraction done.
         """
         littles = tuple(Little.of(grid, look.base.values, n_places) for grid in grids)
         n_each = [len(little.points) for little in littles]
@@ -154,60 +138,58 @@ class Forecast:
             np.empty((n if vectors else 0, look.slopes.shape[1])),
             np.empty((n if changes else 0, m), dtype=complex),
         )
-        root = np.sqrt(np.concatenate([look.weights[:m]] * 2 + [look.weights[m:]]))
-        for rows, batch in out._batches():
+        most = np.concatenate([np.zeros(0), *(little.most for little in littles)])
+        one_sided = np.repeat([grid.one_sided() for grid in grids], n_each).astype(bool)
+        replaced = [tuple(grid.effect.replaces()) for grid in grids]
+        for rows, change in out._changes():
             beat()
-            none = np.abs(batch.full).max(axis=1, initial=0.0) * np.maximum(batch.most, 1.0) < ROUNDING
-            batch.full[none] = 0.0
-            out.cost[rows], out.factor[rows] = look.linear(
-                batch.full, batch.most, batch.one_sided, batch.replaced
-            )
-            out.low[rows] = look.low_levels(batch.low, batch.most, batch.one_sided)
+            say(float(rows[-1] + 1) / n if len(rows) else 1.0)
+            full, low = change[:, look.full_band], change[:, ~look.full_band]
+            full[np.abs(full).max(axis=1, initial=0.0) * np.maximum(most[rows], 1.0) < ROUNDING] = 0.0
+            out.low[rows] = look.low_levels(low, most[rows], one_sided[rows])
             if changes:
-                out.changes[rows] = batch.full
-            for without in set(batch.replaced):
-                k = np.array([i for i, each in enumerate(batch.replaced) if each == without])
-                rest = look.adapted(batch.full[k], without)
-                data, known = rest[:, :m], rest[:, m:].real
-                of_groups = np.abs(data) ** 2 @ look.share
-                out.squares[rows[k]] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
-                v = np.hstack([data.real, data.imag, known]) * root
-                now = look.adapted(look.now[None], without, look.off)[0]
-                y = np.concatenate([now[:m].real, now[:m].imag, now[m:].real]) * root
-                a, square = out.factor[rows[k]], (v**2).sum(axis=1)
-                out.share[rows[k]] = -a * (2 * (v @ y) + a * square) / max(float(y @ y), LEAST_SQUARE)
-                out.precision[rows[k]] = np.sqrt(square)
-                if vectors:
-                    out.vectors[rows[k]] = v
+                out.changes[rows] = full
+            groups: dict[tuple[ParameterRef, ...], list[int]] = {}
+            for k, i in enumerate(rows):
+                groups.setdefault(replaced[out.owner[i]], []).append(k)
+            for without, some in groups.items():
+                i = rows[some]
+                out._judge(i, full[some], without, most[i], one_sided[i])
         return out
 
-    def _batches(self) -> Iterator[tuple[Ints, _Batch]]:
-        """Yield the rows and the changes of some places at a time."""
-        fields = self.look.fields()
+    def _judge(
+        self,
+        rows: Ints,
+        change: Complexes,
+        replaced: tuple[ParameterRef, ...],
+        most: Floats,
+        one_sided: NDArray[np.bool_],
+    ) -> None:
+        """Write what changes (n, m) of the residuals by effects that replace the same parameters do."""
+        look, m = self.look, len(self.look.share)
+        now = look.adapted(look.now[None], replaced, look.off)[0]
+        moved = look.adapted(change, replaced)
+        self.cost[rows], self.factor[rows] = look.best_multiples(now, moved, most, one_sided)
+        of_groups, known = np.abs(moved[:, :m]) ** 2 @ look.share, moved[:, m:].real
+        self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
+        v, y = look.whitened(moved), look.whitened(now[None])[0]
+        square, a = (v**2).sum(axis=1), self.factor[rows]
+        self.precision[rows] = np.sqrt(square)
+        self.share[rows] = -a * (2 * (v @ y) + a * square) / max(float(y @ y), LEAST_SQUARE)
+        if len(self.vectors):
+            self.vectors[rows] = v
+
+    def _changes(self) -> Iterator[tuple[Ints, Complexes]]:
+        """Yield rows and the changes of all residuals there, of some candidates at a time."""
+        changed = self._change(self.look.fields())
         ends = np.searchsorted(self.owner, np.arange(len(self.littles) + 1))
         first = 0
         while first < len(self.littles):
             last = max(int(np.searchsorted(ends, ends[first] + TOGETHER, "right")) - 1, first + 1)
-            some = self.littles[first:last]
-            rows = np.arange(ends[first], ends[last])
-            change = np.concatenate(
-                [np.zeros((0, len(self.look.at)), complex), *map(self._change(fields), some)]
-            )
-            n_each = [len(little.points) for little in some]
-            full = self.look.full_band
+            none = np.zeros((0, len(self.look.at)), complex)
             yield (
-                rows,
-                _Batch(
-                    change[:, full],
-                    change[:, ~full],
-                    np.concatenate([np.zeros(0), *(little.most for little in some)]),
-                    np.repeat([little.grid.one_sided() for little in some], n_each),
-                    [
-                        tuple(o.grid.effect.replaces())
-                        for o, k in zip(some, n_each, strict=True)
-                        for _ in range(k)
-                    ],
-                ),
+                np.arange(ends[first], ends[last]),
+                np.concatenate([none, *map(changed, self.littles[first:last])]),
             )
             first = last
 

@@ -130,11 +130,13 @@ class Look:
         n_low: int,
         most: int,
         besides: float | None = None,
+        *,
+        bounded: bool = True,
     ) -> "Look":
         """Look from where the base is.
 
-        Data that are still to come will leave noise and ``besides`` [nepers], and their uncertain parameters
-        are not at bounds yet.
+        Data that are still to come will leave noise and ``besides`` [nepers]. Unless ``bounded`` uncertain
+        parameters vary that are at a bound as well: with other data they would not be.
         """
         problem = problem.unloaded(base)
         full = problem.lines_up_to(np.inf, n_full)
@@ -162,7 +164,7 @@ class Look:
         low_bound, high_bound = function.limits().T
         near = NEAR_BOUND * np.where(np.isfinite(prior.std), prior.std, 0.0)
         free = (x > low_bound + near) & (x < high_bound - near)
-        free |= besides is not None  # of data still to come nothing says that it is there
+        free |= not bounded
         slopes = slopes[free]
         prior_of = tuple(v.ref for v in function.variables)
         refs = tuple(v.ref for v, is_free in zip(function.variables, free, strict=False) if is_free)
@@ -219,15 +221,14 @@ class Look:
         little, replaced = self.little(grid), grid.effect.replaces()
         now = self.adapted(self.now[None], replaced, self.off)[0]
         change = self.adapted(little.change, replaced)
-        costs, factors = _best_multiples(
-            now, change, little.most, grid.one_sided(), self.weights, self.costs, len(self.share)
-        )
+        costs, factors = self.best_multiples(now, change, little.most, grid.one_sided())
         k = int(np.argmin(costs))
         return float(costs[k]), little.values(k, float(factors[k]))
 
-    def _best_multiples(
+    def best_multiples(
         self, now: Complexes, change: Complexes, most: Floats, one_sided: bool | NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
+        """Return the costs that the best multiples of adapted changes leave, and these, (n,)."""
         return _best_multiples(now, change, most, one_sided, self.weights, self.costs, len(self.share))
 
     def little(self, grid: Grid) -> SmallChange:
@@ -279,24 +280,11 @@ class Look:
             d = self.problem.data.seen(self.weight * slopes.reshape(len(slopes), -1)[:, self.at] / H)
         return np.where(np.isfinite(d), d, 0.0)
 
-    def linear(
-        self,
-        change: Complexes,
-        most: Floats,
-        one_sided: NDArray[np.bool_],
-        replaced: Sequence[tuple[ParameterRef, ...]],
-    ) -> tuple[Floats, Floats]:
-        """Return the costs of the best multiples of n changes (n, m) of the full band, and these, (n,) each.
-
-        Without what nuisances explain but those that are ``replaced``; infinite costs of what is invisible.
-        """
-        costs, factors = np.empty(len(change)), np.empty(len(change))
-        for without in set(replaced):
-            k = np.array([i for i, each in enumerate(replaced) if each == without])
-            residual = self.adapted(self.now[None], without, self.off)[0]
-            moved = self.adapted(change[k], without)
-            costs[k], factors[k] = self._best_multiples(residual, moved, most[k], one_sided[k])
-        return costs, factors
+    def whitened(self, r: Complexes) -> Floats:
+        """Return residuals (n, m + n_all) as real ones of unit variance, (n, 2 m + n_all)."""
+        m = len(self.share)
+        root = np.sqrt(np.concatenate([self.weights[:m], self.weights]))
+        return np.hstack([r[:, :m].real, r[:, :m].imag, r[:, m:].real]) * root
 
     def low_levels(self, change: Complexes, most: Floats, one_sided: NDArray[np.bool_]) -> Floats:
         """Return the levels on the low band with the best multiples of n changes (n, m) of it, (n,)."""

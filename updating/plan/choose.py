@@ -200,7 +200,15 @@ def choose(
     base = fit_problem.nominal()
     problem = as_planned(fit_problem, base)
     discrepancy = usual_discrepancy(model_error) if discrepancy is None else discrepancy
-    look = Look.of(problem, base, N_LINES, 0, len(frequency) * len(sensors) * len(excitations), discrepancy)
+    look = Look.of(
+        problem,
+        base,
+        N_LINES,
+        0,
+        len(frequency) * len(sensors) * len(excitations),
+        discrepancy,
+        bounded=False,
+    )
     odds = Odds.of(candidates, problem.reduced.model)
     n, effects, changes, against = _effects(
         look, candidates, sizes, odds, lambda part: say("effects", 0.1 + 0.4 * part)

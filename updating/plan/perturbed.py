@@ -184,7 +184,7 @@ def perturbed(
     factors = [f for o, _ in pairs for f in (o.visible.amplitude(o.relevant), 1.0)]
 
     def look_at(problem: FitProblem, base: FitResult) -> Look:
-        return Look.of(problem, base, n_lines(problem), 0, MOST_COMPARED, discrepancy)
+        return Look.of(problem, base, n_lines(problem), 0, MOST_COMPARED, discrepancy, bounded=False)
 
     first = look_at(plan.visibility.problem, plan.visibility.base)
     refs = first.prior_of

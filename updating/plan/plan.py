@@ -17,7 +17,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
-from updating.plan.planned import as_planned, usual_discrepancy
+from updating.plan.planned import as_planned, usual_discrepancy, with_likely_shifts
 from updating.plan.visibility import Visibility, Visible, size_of, sized, visibility
 
 USUAL = Relevant()
@@ -187,7 +187,8 @@ def plan_from_search(
     """
     search, best = searched.search, searched.best
     measured = search.fits.problem
-    problem = replace(measured, scatter=search.fits.ranking.scatter(measured, best.fitted, best.fitted.size))
+    scatter = with_likely_shifts(search.fits.ranking.scatter(measured, best.fitted))
+    problem = replace(measured, scatter=scatter)
     candidates = [c for c in search.compatible_with(best.effects) if not c.amplitude_dependent]
     say = progress or (lambda text, done: None)
     seen = visibility(problem, best.fitted, candidates, search.fits.odds, None, say)

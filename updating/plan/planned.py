@@ -11,7 +11,7 @@ from fem.model import Model
 from updating.inference.belief import DISCREPANCY_MIN
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.scatter import form_scatter
+from updating.inference.scatter import FormScatter, form_scatter
 from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.computed import computed_frf
 from updating.measurement.measurement import Measurement, Sensor
@@ -79,10 +79,17 @@ def as_planned(problem: FitProblem, base: FitResult) -> FitProblem:
     eigenvalues are of a size that is exceeded with no more than a probability of 0.2.
     """
     problem = replace(problem, data=replace(problem.data, H=problem.receptance(base)))
-    scatter = form_scatter(problem, base)
-    if scatter is not None and scatter.sizes:
-        scatter = replace(scatter, eigenvalue=float(np.quantile(scatter.sizes, 0.8, method="lower")))
-    return replace(problem, scatter=scatter)
+    return replace(problem, scatter=with_likely_shifts(form_scatter(problem, base)))
+
+
+def with_likely_shifts(scatter: FormScatter | None) -> FormScatter | None:
+    """Return small deviations whose shifts of eigenvalues are exceeded with a probability of 0.2 at most.
+
+    A fit without an effect that is missing takes larger ones than a right model has.
+    """
+    if scatter is None or not scatter.sizes:
+        return scatter
+    return replace(scatter, eigenvalue=float(np.quantile(scatter.sizes, 0.8, method="lower")))
 
 
 def usual_discrepancy(model_error: float) -> float:

@@ -24,6 +24,7 @@ from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
+from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 
 POWER = 0.9
@@ -205,7 +206,6 @@ def visibility(
         Averages so far over those that there will be [-].
     """
     problem = replace(problem, data=problem.data.averaged(averaged))
-    say("what a little of each effect does", 0.0)
     forecast = Forecast.at(
         problem,
         base,
@@ -213,6 +213,7 @@ def visibility(
         besides=discrepancy,
         n_places=max(1, MOST_POSITIONS // max(len(candidates), 1)),
         vectors=True,
+        say=lambda done: say("what a little of each effect does", 0.7 * done),
     )
     owner, littles = forecast.owner, forecast.littles
     n_places = np.bincount(owner, minlength=len(candidates))
@@ -277,42 +278,70 @@ def _learned(forecast: Forecast) -> tuple[Floats, Floats]:
     return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
 
 
-def least_amplitudes(
-    forecast: Forecast, wanted: Floats, discrepancy: float | None, averaged: float = 1.0
-) -> Floats:
-    """Return the multiples (n,) of small changes that gain what is wanted (n,); infinite if none does [nats].
+@dataclass(frozen=True, slots=True, eq=False)
+class _Worth:
+    """Gains of multiples of small changes.
 
     ½ (a |v|)² as long as the change is small beside what a right model leaves; beyond, its logarithm.
     """
-    levels, squares = forecast.look.likelihood, forecast.squares
-    level = level_left(forecast, discrepancy, averaged)
-    floor, beyond = levels.cost(level), level - levels.noise
-    least = levels.least + np.maximum(beyond, 0.0)
-    learned, by_group = _learned(forecast)
 
-    def gains(a: Floats) -> Floats:
-        v = np.maximum(beyond + a[:, None] ** 2 * squares[:, :-1], 0.0)
-        below = np.minimum(beyond + a[:, None] ** 2 * squares[:, :-1], 0.0)
+    levels: Levels
+    squares: Floats
+    level: Floats
+    learned: Floats
+    by_group: Floats
+
+    @classmethod
+    def of(cls, forecast: Forecast, discrepancy: float | None, averaged: float) -> "_Worth":
+        level = level_left(forecast, discrepancy, averaged)
+        return cls(forecast.look.likelihood, forecast.squares, level, *_learned(forecast))
+
+    @property
+    def _beyond(self) -> Floats:
+        return self.level - self.levels.noise
+
+    @property
+    def _least(self) -> Floats:
+        return self.levels.least + np.maximum(self._beyond, 0.0)
+
+    @property
+    def slope(self) -> Floats:
+        """Gains of very small changes over the squares of their multiples, (n,)."""
+        return 0.5 * self.squares[:, :-1] @ (self.levels.n / self._least) + self.squares[:, -1]
+
+    def gains(self, a: Floats) -> Floats:
+        """Return the expected gains (n,) of multiples (n,) [nats]."""
+        levels = self.levels
+        beyond = self._beyond + a[:, None] ** 2 * self.squares[:, :-1]
+        v, below = np.maximum(beyond, 0.0), np.minimum(beyond, 0.0)
         cost = 0.5 * (np.log(levels.least + v) + below / levels.least) @ levels.n
-        weaker = least / (levels.least + v)
-        unpaid = 0.5 * np.log(1 - learned + weaker @ by_group.T + 1e-12).sum(axis=1)
-        out: Floats = cost - floor + a**2 * squares[:, -1] + unpaid
+        weaker = self._least / (levels.least + v)
+        unpaid = 0.5 * np.log(1 - self.learned + weaker @ self.by_group.T + 1e-12).sum(axis=1)
+        out: Floats = cost - levels.cost(self.level) + a**2 * self.squares[:, -1] + unpaid
         return out
 
-    slope = 0.5 * squares[:, :-1] @ (levels.n / least) + squares[:, -1]
+
+def expected_gains(forecast: Forecast, a: Floats, discrepancy: float | None) -> Floats:
+    """Return the expected gains in log evidence (n,) of multiples (n,) of a little [nats]."""
+    return _Worth.of(forecast, discrepancy, 1.0).gains(a)
+
+
+def least_amplitudes(
+    forecast: Forecast, wanted: Floats, discrepancy: float | None, averaged: float = 1.0
+) -> Floats:
+    """Return the multiples (n,) of a little that gain what is wanted (n,) [nats]; infinite if none does."""
+    worth = _Worth.of(forecast, discrepancy, averaged)
+    slope = worth.slope
     seen = slope > 0
-    low = np.where(
-        seen, np.sqrt(wanted / np.where(seen, slope, 1.0)), np.inf
-    )  # gains are at most linear in a²
-    squares, high = np.where(seen[:, None], squares, 1.0), np.where(seen, low, 1.0)
+    low = np.where(seen, np.sqrt(wanted / np.where(seen, slope, 1.0)), 1.0)  # gains are at most linear in a²
+    high = low.copy()
     for _ in range(N_DOUBLED):
-        high = np.where(gains(high) < wanted, 2 * high, high)
-    seen &= gains(high) >= wanted  # of more parameters than data nothing is ever seen
-    bottom = np.where(seen, low, 1.0)
+        high = np.where(worth.gains(high) < wanted, 2 * high, high)
+    seen &= worth.gains(high) >= wanted  # of more parameters than data nothing is ever seen
     for _ in range(N_HALVED):
-        middle = np.sqrt(bottom * high)
-        short = gains(middle) < wanted
-        bottom, high = np.where(short, middle, bottom), np.where(short, high, middle)
+        middle = np.sqrt(low * high)
+        short = worth.gains(middle) < wanted
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
     return np.where(seen, high, np.inf)
 
 
