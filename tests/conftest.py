@@ -83,11 +83,12 @@ def offscreen() -> None:
 
 
 @pytest.fixture(scope="session")
-def study(root):
-    """Return the study of the cross-beam."""
+def study(tmp_path_factory):
+    """Return the study of the cross-beam, with FRFs below 1600 Hz."""
     from dovetail import load_study
+    from tests.studies import cross_beam_below_1600_hz
 
-    return load_study(root / "examples" / "cross-beam" / "study.toml")
+    return load_study(cross_beam_below_1600_hz(tmp_path_factory.mktemp("cross-beam")))
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 import asyncio
 import errno
 import json
-import shutil
 import signal
 import subprocess
 import sys
@@ -32,6 +31,7 @@ from dovetail.plan import plan_study
 from dovetail.report import planning
 from fem import Modes
 from tests.frames import write_study
+from tests.studies import cross_beam_below_1600_hz
 from updating import Fault, MeasurementError
 from updating.diagnosis.fitted_modes import damped_modes
 from updating.inference.fitting import assessed_fit
@@ -39,7 +39,6 @@ from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
 from updating.measurement.measurement import sensor_rows
 
-STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING, MASS = "joint_stiffness:J.rx", "point_mass:U"
 
 
@@ -149,7 +148,7 @@ def test_compare_prints_the_error_of_a_saved_study(tmp_path, study, live, suppos
 
 def test_saving_spares_what_the_study_reads(study, live):
     with pytest.raises(OutputError, match="the study itself"):
-        save_study(study, live, Hypothesis.nominal(live.problem), STUDY)
+        save_study(study, live, Hypothesis.nominal(live.problem), study.path)
 
 
 def test_a_job_tells_its_progress_and_ends_when_asked():
@@ -180,8 +179,8 @@ def test_a_job_tells_its_progress_and_ends_when_asked():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [None, 0.01])
-def test_a_map_ends_within_two_seconds_when_asked(noise):
-    desk = Desk.open(STUDY.parents[1] / "first-frame" / "study.toml")
+def test_a_map_ends_within_two_seconds_when_asked(root, noise):
+    desk = Desk.open(root / "examples" / "first-frame" / "study.toml")
     job = desk.plan(noise)
     while job.fraction < 0.12:
         assert not job.wait(0.05)
@@ -491,10 +490,7 @@ desk.switch("D3z")
 
 
 def test_a_desk_killed_while_it_saves_opens_one_state_earlier(tmp_path):
-    for file in STUDY.parent.iterdir():
-        if not file.name.startswith("."):
-            shutil.copy(file, tmp_path)
-    here = tmp_path / STUDY.name
+    here = cross_beam_below_1600_hz(tmp_path)
     done = subprocess.run([sys.executable, "-c", KILLED, str(here)], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (-signal.SIGKILL, "")
     assert Desk.open(here).history.undoes == "add point mass: member U at 0.400 m"
@@ -580,10 +576,7 @@ def test_taking_over_brings_the_error_of_the_diagnosis(desk, tmp_path):
 
 
 def test_a_desk_that_was_killed_opens_where_it_was(tmp_path):
-    for file in STUDY.parent.iterdir():
-        if not file.name.startswith("."):
-            shutil.copy(file, tmp_path)
-    here = tmp_path / STUDY.name
+    here = cross_beam_below_1600_hz(tmp_path)
     one = Desk.open(here)
     one.add(MASS, mass=0.1)
     one.switch("D3z")

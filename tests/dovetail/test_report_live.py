@@ -14,17 +14,16 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from dovetail import load_study
-from dovetail import pipeline as run
 from dovetail.cli import main
 from dovetail.report import blocks, figures, probable, words
 from dovetail.report.drawn import compared_models, pair_errors
 from dovetail.report.outline import Picture, TableBlock, read_outline
 from dovetail.report.page import report_page
-from dovetail.report.pictures import Album, draw_all
+from dovetail.report.pictures import Album
 from dovetail.report.report import report_html
 from fem import FRF
 from tests.dovetail.test_modes_alone import written_shapes
-from tests.frames import beam, write_study
+from tests.frames import beam
 from updating import FAULT, Fault
 from updating.correlation import rms_db
 from updating.diagnosis.fitted_modes import modes_of
@@ -47,9 +46,8 @@ CHROMIUM = (
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("bar")
-    return run.analyse(load_study(write_study(folder)), folder, lambda text, done: None)
+def found(bent):
+    return bent
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +56,9 @@ def live(found):
 
 
 @pytest.fixture(scope="module")
-def folder(found, live, tmp_path_factory):
-    """Return a folder with the report, whose structure is drawn by no picture."""
-    out = tmp_path_factory.mktemp("out")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dovetail.report.pictures.can_draw", lambda: False)
-        album = draw_all(found, out / "pictures", lambda text, done: None)
-    (out / "report.html").write_text(report_html(found, album, live), encoding="utf-8")
-    return out
+def folder(bent):
+    """Return the folder with the report, whose structure is drawn by no picture."""
+    return bent.folder
 
 
 # ------------------------------------------------------------------------------------------------------- data
