@@ -4,22 +4,22 @@ from dataclasses import replace
 
 import pytest
 
-from dovetail import load_study, pipeline
-from dovetail.report import pictures
-from dovetail.report.pictures import draw_all
-from tests.frames import write_study
-
 
 @pytest.fixture(scope="session")
 def bent_file(tmp_path_factory):
     """Return the study file of the bent frame; tests write nothing into its folder."""
+    from tests.frames import write_study
+
     return write_study(tmp_path_factory.mktemp("bent"))
 
 
 @pytest.fixture(scope="session")
 def bent_and_album(bent_file, tmp_path_factory):
     """Return a run and its pictures, of which none is of the structure: these take longer than the rest."""
-    drawn = []
+    from dovetail import load_study, pipeline
+    from dovetail.report import pictures
+
+    draw_all, drawn = pictures.draw_all, []
 
     def keep(*call):
         drawn.append(draw_all(*call))
