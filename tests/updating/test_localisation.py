@@ -1,22 +1,22 @@
 """The places where a model fails: all small changes solved for, or one for each place by the first order."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dovetail import load_study
 from dovetail.pipeline import fit_problem
 from updating import locate
 from updating.diagnosis import localisation
 
-STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
+
+@pytest.fixture(scope="module")
+def problem(study):
+    return fit_problem(study)
 
 
-def test_of_many_changes_the_first_order_chooses_those_that_are_solved_for(monkeypatch):
+def test_of_many_changes_the_first_order_chooses_those_that_are_solved_for(problem, monkeypatch):
     monkeypatch.setattr(localisation, "N_LINES", 20)
-    problem = fit_problem(load_study(STUDY))
     every = locate(problem, problem.nominal())
     monkeypatch.setattr(localisation, "MOST_SOLVED", len(list(localisation._changes(problem))) // 4)
     few = locate(problem, problem.nominal())
@@ -30,10 +30,9 @@ def test_of_many_changes_the_first_order_chooses_those_that_are_solved_for(monke
         assert 0 < share <= every.members[member] * (1 + 1e-9)
 
 
-def test_errors_of_sensors_are_those_of_the_corrected_data(monkeypatch):
+def test_errors_of_sensors_are_those_of_the_corrected_data(problem, monkeypatch):
     """The measurement keeps the labels as they were read; the data of the fit have them set right."""
     monkeypatch.setattr(localisation, "_changes", lambda problem: ())
-    problem = fit_problem(load_study(STUDY))
     fitted = problem.nominal()
     order = np.roll(np.arange(len(problem.data.measurement.sensors)), 1)
     frf = problem.data.measurement.frf
@@ -55,10 +54,9 @@ def test_shares_near_zero_do_not_say_where():
     assert shares({"beam": 0.006}, (("joint bolt", 0.4),)).says_where
 
 
-def test_a_large_effect_that_no_small_change_explains_is_told(monkeypatch):
+def test_a_large_effect_that_no_small_change_explains_is_told(problem, monkeypatch):
     monkeypatch.setattr(localisation, "N_LINES", 20)
     monkeypatch.setattr(localisation, "LEAST_SHARE", 1.0)
-    problem = fit_problem(load_study(STUDY))
     where = locate(problem, problem.nominal())
     assert not where.says_where
     assert where.note == localisation.NOWHERE
