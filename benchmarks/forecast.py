@@ -12,13 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem.model import Effect, parameter_values
-from tests.hidden.cases import make_case
-from updating import build_problem, propose
-from updating.forecast.forecast import Forecast
-from updating.inference.fit import FitProblem
-from updating.inference.fit_result import FitResult
-from updating.inference.fitting import FULL_LINES, fit
+from benchmarks.hidden.cases import make_case
+from fem import Effect, parameter_values
+from updating import FitProblem, FitResult, build_problem, propose
+from updating.forecast import Forecast
+from updating.inference import FULL_LINES
+from updating.inference.fitting import fit
 from updating.plan.planned import as_planned
 from updating.plan.visibility import expected_gains
 

@@ -133,7 +133,7 @@ def test_modes_of_an_unstable_structure(portal, tmp_path, capsys):
     """Members under compression beyond what they bear: some modes are below zero, and marked."""
     members = load_study(portal).model.mesh.members
     press = "".join(f'[[effects]]\ncandidate = "preload:{name}"\ntension = -2e4\n' for name in members)
-    study = portal.with_name("pressed.toml")
+    study = shutil.copytree(portal.parent, tmp_path / "pressed") / "study.toml"
     study.write_text(portal.read_text(encoding="utf-8") + "\n" + press, encoding="utf-8")
     assert main(["modes", str(study), "--json", str(tmp_path / "m.json")]) == 0
     modes = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))["modes"]

@@ -3,7 +3,6 @@
 import asyncio
 import errno
 import json
-import shutil
 import signal
 import subprocess
 import sys
@@ -22,7 +21,6 @@ from dovetail.desk import (
     VIEWS,
     Chosen,
     Desk,
-    DeskState,
     History,
     Job,
     JournalError,
@@ -35,17 +33,17 @@ from dovetail.desk import (
     save_study,
     write_journal,
 )
+from dovetail.desk.state import State
 from dovetail.file import MeasuredModes
-from dovetail.pipeline import fit_problem
 from dovetail.plan import plan_study
 from dovetail.report import planning
 from fem import Modes
 from tests.frames import write_study
+from tests.studies import cross_beam_below_1600_hz, fit_problem
 from updating import Fault, MeasurementError, assessed_fit, sensor_rows
 from updating.diagnosis import damped_modes
 from updating.live import Hypothesis, LiveModel
 
-STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING, MASS = "joint_stiffness:J.rx", "point_mass:U"
 
 
@@ -58,7 +56,7 @@ def supposed(live, candidates):
 
 
 def test_everything_can_be_undone_and_done_again(live, supposed):
-    start = DeskState("open", Hypothesis.nominal(live.problem), (Stair("nominal model", 6.0, 7.0),))
+    start = State("open", Hypothesis.nominal(live.problem), (Stair("nominal model", 6.0, 7.0),))
     history = History((start,)).then(start.moved("add", supposed))
     history = history.then(history.now.kept())
     assert history.undone().undone().now is start
@@ -72,7 +70,7 @@ def test_everything_can_be_undone_and_done_again(live, supposed):
 
 def test_two_hypotheses_are_exchanged_and_dropped(live, supposed):
     nominal = Hypothesis.nominal(live.problem)
-    state = DeskState("open", nominal, ()).kept().moved("add", supposed)
+    state = State("open", nominal, ()).kept().moved("add", supposed)
     assert (state.hypothesis, state.other) == (supposed, nominal)
     assert (state.swapped().hypothesis, state.swapped().other) == (nominal, supposed)
     assert state.alone().other is None
@@ -80,7 +78,7 @@ def test_two_hypotheses_are_exchanged_and_dropped(live, supposed):
 
 
 def test_the_history_has_an_end(live):
-    state = DeskState("open", Hypothesis.nominal(live.problem), ())
+    state = State("open", Hypothesis.nominal(live.problem), ())
     history = History((state,))
     for _ in range(MOST_STATES + 5):
         history = history.then(state)
@@ -89,7 +87,7 @@ def test_the_history_has_an_end(live):
 
 
 def test_a_journal_brings_the_desk_back(tmp_path, live, candidates, supposed):
-    start = DeskState("open <b>\"'", Hypothesis.nominal(live.problem), (Stair("nominal model", 6.0, 7.0),))
+    start = State("open <b>\"'", Hypothesis.nominal(live.problem), (Stair("nominal model", 6.0, 7.0),))
     history = History((start,)).then(start.moved("add", supposed)).then(start.kept()).undone()
     write_journal(tmp_path / "j", history, "text")
     back = read_journal(tmp_path / "j", "text", candidates)
@@ -105,7 +103,7 @@ def test_a_journal_brings_the_desk_back(tmp_path, live, candidates, supposed):
 def test_a_journal_of_another_study_is_refused(tmp_path, live, candidates):
     path = journal_of(tmp_path / "a.toml")
     assert path == tmp_path / ".a.desk.json"
-    write_journal(path, History((DeskState("open", Hypothesis.nominal(live.problem), ()),)), "text")
+    write_journal(path, History((State("open", Hypothesis.nominal(live.problem), ()),)), "text")
     with pytest.raises(JournalError, match="the study has changed"):
         read_journal(path, "other text", candidates)
     for text in ("", "{}", "[1]", json.dumps({"schema": "dovetail-desk/1", "study": 1})):
@@ -128,7 +126,7 @@ def damaged(h, change):
 @pytest.mark.parametrize("change", ["kind", "value", "missing", "other", "zeta"])
 @pytest.mark.parametrize("at", [0, 1])
 def test_a_journal_with_parameters_of_no_model_is_set_aside(tmp_path, study, live, supposed, change, at):
-    first = DeskState("open", Hypothesis.nominal(live.problem), ())
+    first = State("open", Hypothesis.nominal(live.problem), ())
     desk = Desk(study, live, History((first,)), tmp_path / "j.json")
     states = [first, first.moved("add", supposed)]
     states[1 - at] = states[1 - at].moved("add", damaged(states[1 - at].hypothesis, change))
@@ -155,7 +153,7 @@ def test_compare_prints_the_error_of_a_saved_study(tmp_path, study, live, suppos
 
 def test_saving_spares_what_the_study_reads(study, live):
     with pytest.raises(OutputError, match="the study itself"):
-        save_study(study, live, Hypothesis.nominal(live.problem), STUDY)
+        save_study(study, live, Hypothesis.nominal(live.problem), study.path)
 
 
 def test_a_job_tells_its_progress_and_ends_when_asked():
@@ -186,8 +184,8 @@ def test_a_job_tells_its_progress_and_ends_when_asked():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [None, 0.01])
-def test_a_map_ends_within_two_seconds_when_asked(noise):
-    desk = Desk.open(STUDY.parents[1] / "first-frame" / "study.toml")
+def test_a_map_ends_within_two_seconds_when_asked(root, noise):
+    desk = Desk.open(root / "examples" / "first-frame" / "study.toml")
     job = desk.plan(noise)
     while job.fraction < 0.12:
         assert not job.wait(0.05)
@@ -251,7 +249,7 @@ def test_of_many_values_the_newest_wins():
 @pytest.fixture
 def desk(study, live):
     start = Hypothesis.nominal(live.problem)
-    first = DeskState("open the study", start, (Stair.of("nominal model", live.evaluate(start)),))
+    first = State("open the study", start, (Stair.of("nominal model", live.evaluate(start)),))
     return Desk(study, live, History((first,)))
 
 
@@ -497,10 +495,7 @@ desk.switch("D3z")
 
 
 def test_a_desk_killed_while_it_saves_opens_one_state_earlier(tmp_path):
-    for file in STUDY.parent.iterdir():
-        if not file.name.startswith("."):
-            shutil.copy(file, tmp_path)
-    here = tmp_path / STUDY.name
+    here = cross_beam_below_1600_hz(tmp_path)
     done = subprocess.run([sys.executable, "-c", KILLED, str(here)], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (-signal.SIGKILL, "")
     assert Desk.open(here).history.undoes == "add point mass: member U at 0.400 m"
@@ -586,10 +581,7 @@ def test_taking_over_brings_the_error_of_the_diagnosis(desk, tmp_path):
 
 
 def test_a_desk_that_was_killed_opens_where_it_was(tmp_path):
-    for file in STUDY.parent.iterdir():
-        if not file.name.startswith("."):
-            shutil.copy(file, tmp_path)
-    here = tmp_path / STUDY.name
+    here = cross_beam_below_1600_hz(tmp_path)
     one = Desk.open(here)
     one.add(MASS, mass=0.1)
     one.switch("D3z")
@@ -613,7 +605,7 @@ def test_two_hidden_effects_are_found_by_hand(study):
     study = with_two(study)
     live = LiveModel(fit_problem(study))
     start = Hypothesis.nominal(live.problem)
-    desk = Desk(study, live, History((DeskState("open the study", start, ()),)))
+    desk = Desk(study, live, History((State("open the study", start, ()),)))
     errors = [desk.shown.result.fit_db]
 
     def fitted(job):

@@ -10,8 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail import pipeline as run
 from dovetail.commands.diagnosis_words import found_lines, table_of_candidates
 from dovetail.found import found_text
 from dovetail.notebook.diagnosis import StudyDiagnosis
@@ -35,7 +33,7 @@ from dovetail.result import _FORM as FORM_WORDS
 from dovetail.result import UncertainValue, diagnosis_dict, result_dict
 from fem import Parameter
 from fem.effects import effect_classes
-from tests.frames import cross_beam, portal, write_study
+from tests.frames import cross_beam, portal
 from updating import EffectParameter, Fault, Finding, propose
 from updating.diagnosis import NOWHERE, Departure
 from updating.inference import FORM_SECTION, FORM_ZONE
@@ -66,16 +64,13 @@ class Reader(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("bar")
-    return run.analyse(load_study(write_study(folder)), folder, lambda text, done: None)
+def found(bent):
+    return bent
 
 
 @pytest.fixture(scope="module")
-def album(found, tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dovetail.report.pictures.can_draw", lambda: False)
-        return draw_all(found, tmp_path_factory.mktemp("pictures"), lambda text, done: None)
+def album(bent_album):
+    return bent_album
 
 
 @pytest.fixture(scope="module")

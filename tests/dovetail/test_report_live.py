@@ -14,14 +14,11 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from dovetail import load_study, main
-from dovetail import pipeline as run
 from dovetail.report import (
     Album,
-    OutlinePicture,
     TableBlock,
     blocks,
     compared_models,
-    draw_all,
     figures,
     pair_errors,
     probable,
@@ -30,9 +27,10 @@ from dovetail.report import (
     report_page,
     words,
 )
+from dovetail.report.outline import Picture
 from fem import FRF
 from tests.dovetail.test_modes_alone import written_shapes
-from tests.frames import beam, write_study
+from tests.frames import beam
 from updating import FAULT, Fault
 from updating.correlation import rms_db
 from updating.diagnosis import modes_of
@@ -54,9 +52,8 @@ CHROMIUM = (
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("bar")
-    return run.analyse(load_study(write_study(folder)), folder, lambda text, done: None)
+def found(bent):
+    return bent
 
 
 @pytest.fixture(scope="module")
@@ -65,14 +62,9 @@ def live(found):
 
 
 @pytest.fixture(scope="module")
-def folder(found, live, tmp_path_factory):
-    """Return a folder with the report, whose structure is drawn by no picture."""
-    out = tmp_path_factory.mktemp("out")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dovetail.report.pictures.can_draw", lambda: False)
-        album = draw_all(found, out / "pictures", lambda text, done: None)
-    (out / "report.html").write_text(report_html(found, album, live), encoding="utf-8")
-    return out
+def folder(bent):
+    """Return the folder with the report, whose structure is drawn by no picture."""
+    return bent.folder
 
 
 # ------------------------------------------------------------------------------------------------------- data
@@ -437,7 +429,7 @@ def test_without_scripts_and_on_paper_there_are_still_pictures(folder, chromium)
 
 
 def test_names_with_tags_stay_text_in_a_browser(chromium, tmp_path):
-    place = solids.MarkedPlace(np.array([0.3, 0, 0]), "place", NASTY)
+    place = solids.Place(np.array([0.3, 0, 0]), "place", NASTY)
     one = FRF.from_arrays(np.arange(1.0, 9), np.arange(1.0, 9), "mobility", [NASTY], ["f"])
     made = (
         model.model_figure(beam(2), places=[place]),
@@ -466,7 +458,7 @@ def test_the_outline_tells_the_page(folder, found):
     steps = next(b for b in outline.blocks() if isinstance(b, TableBlock) and b.head[0] == "step")
     assert [row[1] for row in steps.rows] == [f"{s.fit_db:.2f}" for s in found.diagnosis.steps]
     assert 1 in steps.numbers
-    pictures = [b for b in outline.blocks() if isinstance(b, OutlinePicture)]
+    pictures = [b for b in outline.blocks() if isinstance(b, Picture)]
     assert pictures[0].content == (folder / "pictures" / "staircase.png").read_bytes()
     assert all(p.caption for p in pictures)
     assert not any("show" in item.split() for b in outline.blocks() for item in getattr(b, "items", ()))
@@ -474,8 +466,8 @@ def test_the_outline_tells_the_page(folder, found):
 
 def test_pictures_come_from_the_page_where_the_files_are_gone(folder, tmp_path):
     (tmp_path / "report.html").write_bytes((folder / "report.html").read_bytes())
-    pictures = [b for b in read_outline(tmp_path).blocks() if isinstance(b, OutlinePicture)]
-    assert len(pictures) == len([b for b in read_outline(folder).blocks() if isinstance(b, OutlinePicture)])
+    pictures = [b for b in read_outline(tmp_path).blocks() if isinstance(b, Picture)]
+    assert len(pictures) == len([b for b in read_outline(folder).blocks() if isinstance(b, Picture)])
     assert all(p.content.startswith(b"\x89PNG") for p in pictures)
 
 
@@ -494,7 +486,7 @@ def test_word_tells_the_same_story(folder, found, tmp_path, capsys):
     assert cells[0][0] == "step"
     assert cells[-1][1] == f"{found.diagnosis.steps[-1].fit_db:.2f}"
     outline = read_outline(folder)
-    assert len(document.inline_shapes) == sum(isinstance(b, OutlinePicture) for b in outline.blocks())
+    assert len(document.inline_shapes) == sum(isinstance(b, Picture) for b in outline.blocks())
     assert document.inline_shapes[0]._inline.docPr.get("descr").startswith("Error after each step")
     assert document.core_properties.title == "bent <bar>"
 
@@ -546,7 +538,7 @@ def test_a_page_without_an_outline_is_refused_with_what_to_do(folder, tmp_path, 
 
 
 def test_blocks_without_content_are_shown_nowhere():
-    empty = blocks.ReportSection("Notes", [blocks.Items(()), blocks.Details("more", [blocks.Text("")]), None])
+    empty = blocks.Section("Notes", [blocks.Items(()), blocks.Details("more", [blocks.Text("")]), None])
     report = blocks.Report("a", "nothing", [blocks.Text("first <b>", "kind")], [empty])
     text = report_page(report)
     assert "Notes" not in text

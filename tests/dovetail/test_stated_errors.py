@@ -101,7 +101,8 @@ def study_of(folder, text, name, values, gain):
     ],
     ids=["joint", "mass", "loss", "ground", "corner", "gain and damping"],
 )
-def test_a_report_states_what_compare_prints(tmp_path, text, name, values, form, gain):
+def test_a_report_states_what_compare_prints(tmp_path, monkeypatch, text, name, values, form, gain):
+    monkeypatch.setattr("dovetail.pipeline.locate", lambda *_: None)  # half of the time, and stated elsewhere
     study, hidden = study_of(tmp_path, text, name, values, gain)
     live = live_model(study)
     h = Hypothesis.nominal(live.problem)

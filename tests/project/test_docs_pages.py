@@ -43,8 +43,9 @@ def test_commands_run_beside_the_page(tmp_path):
     assert "$ dovetail new begun\nbegun/study.toml is written" in page
     assert page.endswith("![X](page/study.toml)\n")
     assert not (FRAME / "begun").exists()
+    other = text.replace("new begun", "--version").format("other.png")
     with pytest.raises(pages.PageError, match="no command has written"):
-        pages.expand(text.format("other.png"), tmp_path / "other.md", ROOT)
+        pages.expand(other, tmp_path / "other.md", ROOT)
 
 
 def test_a_command_that_fails_ends_the_build(tmp_path):

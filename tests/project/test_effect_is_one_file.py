@@ -17,6 +17,9 @@ CLASSES = {cls.__name__ for cls in effect_classes().values()}
 KIND = re.compile(rf"(?<![\w.])({'|'.join(candidate_kinds())})(?=[:.]|$)")
 """A kind as a whole string, or before the place in the name of a candidate."""
 
+MENTION = re.compile(rf"\b({'|'.join([*CLASSES, *candidate_kinds()])})\b")
+"""What a file that names an effect has somewhere: others need not be parsed."""
+
 BUILDS = "makes what a study file states"
 
 ALLOWED = {
@@ -131,6 +134,8 @@ def docstrings(tree: ast.AST) -> set[int]:
 
 def named(code: str) -> Iterator[str]:
     """Yield the classes of effects that code imports, and the kinds of candidates in its strings."""
+    if not MENTION.search(code):
+        return
     tree = ast.parse(code)
     words = docstrings(tree)
     for node in ast.walk(tree):
