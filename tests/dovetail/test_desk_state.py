@@ -21,6 +21,7 @@ from dovetail.desk import (
     VIEWS,
     Chosen,
     Desk,
+    DeskState,
     History,
     Job,
     JournalError,
@@ -33,7 +34,6 @@ from dovetail.desk import (
     save_study,
     write_journal,
 )
-from dovetail.desk.state import State
 from dovetail.file import MeasuredModes
 from dovetail.plan import plan_study
 from dovetail.report import planning
@@ -56,7 +56,7 @@ def supposed(live, candidates):
 
 
 def test_everything_can_be_undone_and_done_again(live, supposed):
-    start = State("open", Hypothesis.nominal(live.problem), (Stair("nominal model", 6.0, 7.0),))
+    start = DeskState("open", Hypothesis.nominal(live.problem), (Stair("nominal model", 6.0, 7.0),))
     history = History((start,)).then(start.moved("add", supposed))
     history = history.then(history.now.kept())
     assert history.undone().undone().now is start
@@ -70,7 +70,7 @@ def test_everything_can_be_undone_and_done_again(live, supposed):
 
 def test_two_hypotheses_are_exchanged_and_dropped(live, supposed):
     nominal = Hypothesis.nominal(live.problem)
-    state = State("open", nominal, ()).kept().moved("add", supposed)
+    state = DeskState("open", nominal, ()).kept().moved("add", supposed)
     assert (state.hypothesis, state.other) == (supposed, nominal)
     assert (state.swapped().hypothesis, state.swapped().other) == (nominal, supposed)
     assert state.alone().other is None
@@ -78,7 +78,7 @@ def test_two_hypotheses_are_exchanged_and_dropped(live, supposed):
 
 
 def test_the_history_has_an_end(live):
-    state = State("open", Hypothesis.nominal(live.problem), ())
+    state = DeskState("open", Hypothesis.nominal(live.problem), ())
     history = History((state,))
     for _ in range(MOST_STATES + 5):
         history = history.then(state)
@@ -87,7 +87,7 @@ def test_the_history_has_an_end(live):
 
 
 def test_a_journal_brings_the_desk_back(tmp_path, live, candidates, supposed):
-    start = State("open <b>\"'", Hypothesis.nominal(live.problem), (Stair("nominal model", 6.0, 7.0),))
+    start = DeskState("open <b>\"'", Hypothesis.nominal(live.problem), (Stair("nominal model", 6.0, 7.0),))
     history = History((start,)).then(start.moved("add", supposed)).then(start.kept()).undone()
     write_journal(tmp_path / "j", history, "text")
     back = read_journal(tmp_path / "j", "text", candidates)
@@ -103,7 +103,7 @@ def test_a_journal_brings_the_desk_back(tmp_path, live, candidates, supposed):
 def test_a_journal_of_another_study_is_refused(tmp_path, live, candidates):
     path = journal_of(tmp_path / "a.toml")
     assert path == tmp_path / ".a.desk.json"
-    write_journal(path, History((State("open", Hypothesis.nominal(live.problem), ()),)), "text")
+    write_journal(path, History((DeskState("open", Hypothesis.nominal(live.problem), ()),)), "text")
     with pytest.raises(JournalError, match="the study has changed"):
         read_journal(path, "other text", candidates)
     for text in ("", "{}", "[1]", json.dumps({"schema": "dovetail-desk/1", "study": 1})):
@@ -126,7 +126,7 @@ def damaged(h, change):
 @pytest.mark.parametrize("change", ["kind", "value", "missing", "other", "zeta"])
 @pytest.mark.parametrize("at", [0, 1])
 def test_a_journal_with_parameters_of_no_model_is_set_aside(tmp_path, study, live, supposed, change, at):
-    first = State("open", Hypothesis.nominal(live.problem), ())
+    first = DeskState("open", Hypothesis.nominal(live.problem), ())
     desk = Desk(study, live, History((first,)), tmp_path / "j.json")
     states = [first, first.moved("add", supposed)]
     states[1 - at] = states[1 - at].moved("add", damaged(states[1 - at].hypothesis, change))
@@ -249,7 +249,7 @@ def test_of_many_values_the_newest_wins():
 @pytest.fixture
 def desk(study, live):
     start = Hypothesis.nominal(live.problem)
-    first = State("open the study", start, (Stair.of("nominal model", live.evaluate(start)),))
+    first = DeskState("open the study", start, (Stair.of("nominal model", live.evaluate(start)),))
     return Desk(study, live, History((first,)))
 
 
@@ -605,7 +605,7 @@ def test_two_hidden_effects_are_found_by_hand(study):
     study = with_two(study)
     live = LiveModel(fit_problem(study))
     start = Hypothesis.nominal(live.problem)
-    desk = Desk(study, live, History((State("open the study", start, ()),)))
+    desk = Desk(study, live, History((DeskState("open the study", start, ()),)))
     errors = [desk.shown.result.fit_db]
 
     def fitted(job):

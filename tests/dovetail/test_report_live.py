@@ -16,6 +16,7 @@ from plotly.offline import get_plotlyjs
 from dovetail import load_study, main
 from dovetail.report import (
     Album,
+    OutlinePicture,
     TableBlock,
     blocks,
     compared_models,
@@ -27,7 +28,6 @@ from dovetail.report import (
     report_page,
     words,
 )
-from dovetail.report.outline import Picture
 from fem import FRF
 from tests.dovetail.test_modes_alone import written_shapes
 from tests.frames import beam
@@ -458,7 +458,7 @@ def test_the_outline_tells_the_page(folder, found):
     steps = next(b for b in outline.blocks() if isinstance(b, TableBlock) and b.head[0] == "step")
     assert [row[1] for row in steps.rows] == [f"{s.fit_db:.2f}" for s in found.diagnosis.steps]
     assert 1 in steps.numbers
-    pictures = [b for b in outline.blocks() if isinstance(b, Picture)]
+    pictures = [b for b in outline.blocks() if isinstance(b, OutlinePicture)]
     assert pictures[0].content == (folder / "pictures" / "staircase.png").read_bytes()
     assert all(p.caption for p in pictures)
     assert not any("show" in item.split() for b in outline.blocks() for item in getattr(b, "items", ()))
@@ -466,8 +466,8 @@ def test_the_outline_tells_the_page(folder, found):
 
 def test_pictures_come_from_the_page_where_the_files_are_gone(folder, tmp_path):
     (tmp_path / "report.html").write_bytes((folder / "report.html").read_bytes())
-    pictures = [b for b in read_outline(tmp_path).blocks() if isinstance(b, Picture)]
-    assert len(pictures) == len([b for b in read_outline(folder).blocks() if isinstance(b, Picture)])
+    pictures = [b for b in read_outline(tmp_path).blocks() if isinstance(b, OutlinePicture)]
+    assert len(pictures) == len([b for b in read_outline(folder).blocks() if isinstance(b, OutlinePicture)])
     assert all(p.content.startswith(b"\x89PNG") for p in pictures)
 
 
@@ -486,7 +486,7 @@ def test_word_tells_the_same_story(folder, found, tmp_path, capsys):
     assert cells[0][0] == "step"
     assert cells[-1][1] == f"{found.diagnosis.steps[-1].fit_db:.2f}"
     outline = read_outline(folder)
-    assert len(document.inline_shapes) == sum(isinstance(b, Picture) for b in outline.blocks())
+    assert len(document.inline_shapes) == sum(isinstance(b, OutlinePicture) for b in outline.blocks())
     assert document.inline_shapes[0]._inline.docPr.get("descr").startswith("Error after each step")
     assert document.core_properties.title == "bent <bar>"
 
