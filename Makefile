@@ -33,7 +33,7 @@ help:
 	@echo 'make coverage    the same, with the coverage of each package'
 	@echo 'make slow        the tests that take more than 5 s each'
 	@echo 'make long        those that take minutes: thirty diagnoses of fresh cases, the cases of other codes'
-	@echo 'make docs        build the documentation in out/site; FRESH=1 computes all of its results again'
+	@echo 'make docs        build the documentation in out/site; FRESH=1 computes all of its results again, JOBS=1 one by one'
 	@echo 'make dist        build wheel and sdist in dist, and check them in clean environments; PYTHONS="python3.11 python3.13"'
 	@echo 'make fuzz        damaged files for every reader; MINUTES=10 SEED=3, or COUNT=50000 for each format'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
@@ -66,7 +66,7 @@ coverage: $(DEV)
 
 # pages run their commands and examples, or take results of an earlier build from .docs-cache; MkDocs then works without any network
 docs: $(DEV) $(DOCS)
-	$(IN) python -m docs.make out/docs $(if $(FRESH),--fresh)
+	$(IN) python -m docs.make out/docs $(if $(FRESH),--fresh) $(if $(JOBS),--jobs $(JOBS))
 	$(IN) NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict
 	$(IN) python -m docs.make.offline out/site
 
@@ -76,7 +76,7 @@ dist: $(DEV)
 
 # minutes for all formats together, or inputs for each; SEED=7 draws others, FORMATS=inp,bdf some of them
 fuzz: $(DEV)
-	$(IN) python -m tests.fuzz --seed $(or $(SEED),1) $(if $(MINUTES),--minutes $(MINUTES)) \
+	$(IN) python -m benchmarks.fuzz --seed $(or $(SEED),1) $(if $(MINUTES),--minutes $(MINUTES)) \
 		$(if $(COUNT),--count $(COUNT)) $(if $(FORMATS),--formats $(FORMATS))
 
 slow: $(DEV)
@@ -87,29 +87,29 @@ long: $(DEV)
 
 # needs ../shared/data/independent-cases; CASES=DIR for others of the same form
 independent: $(DEV)
-	$(IN) python -m tests.independent.table $(if $(CASES),--cases $(CASES))
+	$(IN) python -m benchmarks.independent.table $(if $(CASES),--cases $(CASES))
 
 # NAMES="ladder-notch ladder-mass" for some of them
 a-frames: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python -m tests.independent.a_frames out/a-frames $(NAMES)
-	$(IN) python -m tests.independent.table --cases out/a-frames --out out/a-frames-results
+	$(PEERS)/bin/python -m benchmarks.independent.a_frames out/a-frames $(NAMES)
+	$(IN) python -m benchmarks.independent.table --cases out/a-frames --out out/a-frames-results
 
 solids: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python -m tests.independent.solids out/solids $(NAMES)
-	$(IN) python -m tests.independent.table --cases out/solids --out out/solids-results
+	$(PEERS)/bin/python -m benchmarks.independent.solids out/solids $(NAMES)
+	$(IN) python -m benchmarks.independent.table --cases out/solids --out out/solids-results
 
 # each seed is a set that nobody has looked at; run once, on a program that is not changed for it
 FOREIGN := out/foreign-$(or $(SEED),1)$(if $(TEST),-$(TEST))
 DRAWN = --seed $(or $(SEED),1) $(if $(CASES),--cases $(CASES)) $(if $(STRUCTURES),--structures $(STRUCTURES))
 JUDGED = $(if $(CAP),--cap $(CAP)) $(if $(JOBS),--jobs $(JOBS))
 foreign: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python -m tests.independent.foreign $(FOREIGN) $(DRAWN) $(if $(TEST),--test $(TEST))
-	$(IN) python -m tests.independent.table --cases $(FOREIGN) --out $(FOREIGN)-results $(JUDGED)
+	$(PEERS)/bin/python -m benchmarks.independent.foreign $(FOREIGN) $(DRAWN) $(if $(TEST),--test $(TEST))
+	$(IN) python -m benchmarks.independent.table --cases $(FOREIGN) --out $(FOREIGN)-results $(JUDGED)
 
 FOREIGN_MODES := out/foreign-modes-$(or $(SEED),1)
 foreign-modes: $(DEV) $(PEERS_READY)
-	$(PEERS)/bin/python -m tests.independent.foreign.modes $(FOREIGN_MODES) $(DRAWN)
-	$(IN) python -m tests.independent.table --cases $(FOREIGN_MODES) --out $(FOREIGN_MODES)-results $(JUDGED)
+	$(PEERS)/bin/python -m benchmarks.independent.foreign.modes $(FOREIGN_MODES) $(DRAWN)
+	$(IN) python -m benchmarks.independent.table --cases $(FOREIGN_MODES) --out $(FOREIGN_MODES)-results $(JUDGED)
 
 extras: $(DEV) requirements-extras.lock
 	@$(PIP) install --quiet -r requirements-extras.lock
@@ -133,7 +133,6 @@ lint: $(DEV)
 
 types: $(DEV)
 	$(IN) pyright
-	$(IN) pyright --project pyrightconfig.tests.json
 
 contracts: $(DEV)
 	$(IN) lint-imports

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
 
-from updating.ambient.identification import identify_ambient
+from updating import identify_ambient
 
 Floats = NDArray[np.float64]
 ZETA = 0.01

@@ -22,8 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from fem import Frame, Joint, Material, MemberProperties, Mesh, Model, Section, Support, assemble
-from fem.system import reassemble
+from fem import Frame, Joint, Material, MemberProperties, Mesh, Model, Section, Support, assemble, reassemble
 
 STEEL = MemberProperties(Material("steel", 210e9, 7850.0), Section.rectangle(0.03, 0.01))
 

@@ -19,14 +19,12 @@ from nicegui import json
 
 from benchmarks.diagnosis import STUDY, tower
 from dovetail import load_study
-from dovetail.desk.figures import curve_changes, moved_map
+from dovetail.desk import curve_changes, moved_map
 from dovetail.pipeline import fit_problem
-from fem.model import Effect
+from fem import Effect
+from updating import Nuisance, propose
 from updating.diagnosis.begin import begin
-from updating.diagnosis.candidates import propose
-from updating.inference.parameters import Nuisance
-from updating.live.engine import LiveModel
-from updating.live.hypothesis import Hypothesis
+from updating.live import Hypothesis, LiveModel
 
 MOVES = 100
 HOUR = 20_000

@@ -18,15 +18,11 @@ import numpy as np
 
 from dovetail import Study, load_study
 from dovetail.pipeline import formed_fit_problem
-from fem.model import Effect, ParameterRef, parameter_values
-from updating.inference.bases import better_basis
-from updating.inference.fit import FitProblem
-from updating.inference.fitting import fit_given, with_seen_noise
+from fem import Effect, parameter_values
+from fem.model import ParameterRef
+from updating import FitProblem, Measurement, StrainGauge, computed_frf, place_sensors
+from updating.inference import Solution, fit_given
 from updating.inference.scatter import form_scatter
-from updating.inference.solve import Solution
-from updating.measurement.computed import computed_frf
-from updating.measurement.measurement import Measurement, place_sensors
-from updating.measurement.strain_gauge import StrainGauge
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 CASES = (
@@ -79,7 +75,7 @@ def measured(
     x[vary] = (prior.mean + prior.std * rng.standard_normal(len(x)))[vary]
     x = np.clip(x, *limits.T)
     truth = function.result(Solution(x, np.nan, 0.0, 0, True))
-    better = better_basis(problem, truth, BASIS_LINES)
+    better = problem.better_basis(truth, BASIS_LINES)
     assert better is not None
     fine = replace(problem, reduced=better[1], scatter=scatter)
     H = np.array(problem.data.H)
@@ -114,7 +110,7 @@ def main() -> None:
         rng, z, lost = np.random.default_rng(options.seed), defaultdict(list), 0
         for _ in range(options.sets):
             drawn, truth = measured(problem, effects, rng)
-            drawn = with_seen_noise(drawn, fit_given(drawn, effects)[1])
+            drawn = drawn.with_seen_noise(fit_given(drawn, effects)[1])
             _, result = fit_given(drawn, effects)
             if result.level > FAR * drawn.data.noise_level:
                 lost += 1

@@ -11,16 +11,22 @@ from pathlib import Path
 import numpy as np
 
 from dovetail import load_study
-from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble, compute_frf
-from fem.analysis.frf import FRF
-from fem.analysis.modes import solve_modes
-from fem.effects.stiffness_loss import StiffnessLoss
-from fem.model import Damping
-from updating.diagnosis.candidates import propose
-from updating.diagnosis.diagnose import diagnose
-from updating.diagnosis.diagnosis import Diagnosis
-from updating.inference.parameters import Nuisance
-from updating.measurement.measurement import Measurement, Sensor
+from fem import (
+    FRF,
+    Damping,
+    Frame,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    Support,
+    assemble,
+    compute_frf,
+    solve_modes,
+)
+from fem.effects import StiffnessLoss
+from updating import Diagnosis, Measurement, Nuisance, Sensor, diagnose, propose
 
 STUDY = Path(__file__).parents[1] / "examples" / "cross-beam" / "study.toml"
 

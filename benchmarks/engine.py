@@ -8,11 +8,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fem import Damping, Frame, Joint, Material, MemberProperties, Mesh, Model, Section, assemble
-from fem.analysis.frf_solver import compute_frf
-from fem.analysis.selection import dof_vectors
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model, values_of
+from fem import (
+    Damping,
+    Frame,
+    Joint,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    compute_frf,
+    dof_vectors,
+)
+from fem.reduction import ParametricFRF, reduce_model, values_of
 
 FREQUENCY = np.linspace(5.0, 1600.0, 400)
 OUT = [(p, d) for p in range(6) for d in ("x", "y", "z")]

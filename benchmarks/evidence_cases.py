@@ -10,13 +10,14 @@ import sys
 import time
 from pathlib import Path
 
+from benchmarks.independent.by_evidence import stated
+from benchmarks.independent.convert import convert
+from benchmarks.independent.table import CASES, hidden_effects, hidden_in_words
 from benchmarks.validation.evidence import at_truth, decibels
-from dovetail.file.config import load_study
-from dovetail.file.contents import measured, without_held_out
-from tests.independent.by_evidence import stated
-from tests.independent.convert import convert
-from tests.independent.table import CASES, hidden_effects, hidden_in_words
-from updating.diagnosis.evidence.diagnosis import search_by_evidence
+from dovetail import load_study
+from dovetail.file import without_held_out
+from dovetail.file.contents import measured
+from updating.diagnosis.evidence import search_by_evidence
 
 
 def searched(case, folder, say=lambda text: None):

@@ -18,20 +18,13 @@ import numpy as np
 from scipy.stats import rankdata
 
 from benchmarks.validation.calibration import Share
-from dovetail.fleet.diagnosing import cause_text, diagnose_outliers
-from dovetail.fleet.run import Triaged, run_fleet
-from dovetail.fleet.triage import Fleet
-from dovetail.study import load_study
-from dovetail.units.folder import Record
-from dovetail.units.pool import pool_of
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
+from dovetail import load_study
+from dovetail.fleet import Fleet, Triaged, cause_text, diagnose_outliers, run_fleet
+from dovetail.units import Record, pool_of
+from fem import FRF, Effect, Model, assemble, compute_frf
 from fem.io import write_npz
-from fem.model import Effect, Model
-from fem.system import assemble
+from updating import propose, sensor_rows
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.candidates import propose
-from updating.measurement.measurement import sensor_rows
 
 STUDY = """
 [study]

@@ -12,13 +12,8 @@ import numpy as np
 
 from benchmarks.engine import cross_beam, seconds
 from benchmarks.lattice import lattice
-from fem import Joint, assemble
-from fem.analysis.frf_solver import compute_frf, frf_blocks
-from fem.analysis.modes import solve_modes
-from fem.analysis.selection import dof_vectors
-from fem.reduction.local_changes import LocalChanges
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model
+from fem import Joint, assemble, compute_frf, dof_vectors, frf_blocks, solve_modes
+from fem.reduction import LocalChanges, ParametricFRF, reduce_model
 
 
 def lattice_row(n: int, damped: bool) -> str:

@@ -14,23 +14,34 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, assemble
-from fem.analysis.frf_solver import compute_frf
-from fem.model import DIRECTIONS
+from fem import (
+    DIRECTIONS,
+    Damping,
+    Frame,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    compute_frf,
+)
 from joint import (
     CoordinateSet,
     Interface,
+    ModelParts,
+    Uncertain,
     coordinates_of,
     couple,
+    fit_joint,
+    identify_average,
     identify_joint,
     partition_frf,
     relative_coordinates,
+    relative_form,
     stack_substructures,
+    with_masses,
 )
-from joint.average import identify_average
-from joint.form import relative_form, with_masses
-from joint.output_error import fit_joint
-from joint.parts import ModelParts, Uncertain
 
 NODES = {"U": (0, 4, 12, 20), "D": (2, 6, 13, 15, 19)}
 """The paper's internal nodes 1 5 13 21 24 28 35 37 41, counted from 0 on each beam."""

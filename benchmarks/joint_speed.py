@@ -9,14 +9,16 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.joint_noise import ALL_NODES, ARMS, noisy, parts, truth
-from fem import assemble
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
-from fem.model import DIRECTIONS
-from joint import couple, identify_joint, relative_coordinates
-from joint.form import relative_form, with_masses
-from joint.output_error import fit_joint
-from joint.substructuring import couple_frf
+from fem import DIRECTIONS, FRF, assemble, compute_frf
+from joint import (
+    couple,
+    couple_frf,
+    fit_joint,
+    identify_joint,
+    relative_coordinates,
+    relative_form,
+    with_masses,
+)
 
 
 def seconds(*calls: Callable[[], object], repeat: int = 5) -> np.ndarray:

@@ -20,11 +20,9 @@ from typing import TypeVar
 import numpy as np
 
 from dovetail.file.config import StudyContents, load_study
-from fem.analysis.frf import FRF
-from fem.analysis.frf_solver import compute_frf
+from fem import FRF, assemble, compute_frf
 from fem.io import write_npz
-from fem.system import assemble
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 T = TypeVar("T")
 

@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.peers.exchange import PEERS_PYTHON
-from fem.analysis.frf import FRF
+from fem import FRF
+from updating import identify_modes
 from updating.correlation import mac
-from updating.modal.identification import identify_modes
 
 FREQUENCY = np.array(
     [14.2, 23.7, 31.0, 44.5, 52.3, 63.8, 75.1, 88.0, 89.2, 104.6, 121.3, 139.9, 158.2, 181.7]

@@ -21,8 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
-from fem.analysis.modes import solve_modes
+from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble, solve_modes
 from fem.linalg.lanczos import lowest_eigenpairs
 from fem.linalg.solvers import factorise, one_thread
 

@@ -22,15 +22,21 @@ from scipy.linalg import eigh
 
 from benchmarks.peers.exchange import TIMOSHENKO, PeerFrame, run
 from dovetail.disk.output import write_json
-from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support
-from fem.analysis.frf import FRF
-from fem.model import DIRECTIONS, Damping, Effect
-from updating.diagnosis.diagnose import diagnose
-from updating.inference.parameters import Nuisance
-from updating.measurement.measurement import Measurement, Sensor
-from updating.plan.plan import Outlook, Plan, plan_test
-from updating.plan.planned import planned_measurement
-from updating.plan.visibility import SURE
+from fem import (
+    DIRECTIONS,
+    FRF,
+    Damping,
+    Effect,
+    Frame,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    Support,
+)
+from updating import Measurement, Nuisance, Outlook, Plan, Sensor, diagnose, plan_test
+from updating.plan import SURE, planned_measurement
 
 Floats = NDArray[np.float64]
 
@@ -299,7 +305,7 @@ def sets(plan: Plan, model: Model, n: int, seed: int, first: int = 1) -> Any:
     """Yield what the diagnosis of each set says, as rows for a table and JSON."""
     kinds: dict[str, list[Outlook]] = {}
     for o in plan.relevant:
-        if o.visible.named is not None and o.relevant.kind in KINDS:
+        if o.visible.is_plausible(MULTIPLES[-1] * o.visible.enough[2]) and o.relevant.kind in KINDS:
             kinds.setdefault(o.relevant.kind, []).append(o)
     rotations = next(iter(model.of_kind(Frame))).rotations(model.mesh)
     axes = {m: rotations[rows[0]] for m, rows in model.mesh.members.items()}
@@ -308,7 +314,7 @@ def sets(plan: Plan, model: Model, n: int, seed: int, first: int = 1) -> Any:
         some = kinds[sorted(kinds)[int(rng.integers(len(kinds)))]]
         visible = some[int(rng.integers(len(some)))].visible
         multiple = MULTIPLES[(k - 1) % len(MULTIPLES)]
-        amplitude = min(multiple * visible.enough[2], float(visible.amplitudes[-1]))
+        amplitude = multiple * visible.enough[2]
         effect = visible.at(amplitude)
         assert effect is not None
         start = time.process_time()

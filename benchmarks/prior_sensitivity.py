@@ -18,11 +18,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.evidence_cases import searched
-from tests.independent.table import CASES, hidden_effects
-from updating.diagnosis.evidence import priors
-from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.fits import Fits
-from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
+from benchmarks.independent.table import CASES, hidden_effects
+from updating.diagnosis.evidence import Fits, Hypothesis, Searched, values_of
+from updating.inference import belief, effect_priors
 
 FACTORS = 0.5, 2.0
 OF_THE_FORM = {"FORM_SECTION": ("section_form",), "FORM_ZONE": ("zone_form", "clamp_form")}
@@ -49,11 +47,16 @@ class Answer:
     probability: float
 
 
+def value_of(name: str) -> Any:
+    """Return a constant of the priors."""
+    return getattr(belief if hasattr(belief, name) else effect_priors, name)
+
+
 @contextmanager
 def constant(name: str, value: Any) -> Iterator[None]:
     """Give a constant of the priors another value in every module that has imported it."""
     modules = [m for key, m in list(sys.modules.items()) if key.startswith("updating.") and hasattr(m, name)]
-    before = getattr(priors, name)
+    before = value_of(name)
     for m in modules:
         setattr(m, name, value)
     try:
@@ -101,7 +104,7 @@ def of_case(case: Path) -> dict[tuple[str, float], Answer]:
         if name in OF_THE_FORM:
             out[name, factor] = again(done, with_form(fits, name, factor))
         else:
-            value = getattr(priors, name)
+            value = value_of(name)
             with constant(
                 name, tuple(np.multiply(factor, value)) if isinstance(value, tuple) else factor * value
             ):

@@ -27,8 +27,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from benchmarks.modes import block_of_cells
-from fem import Model, assemble
-from fem.analysis.modes import solve_modes
+from fem import Model, assemble, solve_modes
 from fem.linalg.lanczos import lowest_eigenpairs
 from fem.linalg.processes import command, lowest_by_processes
 from fem.linalg.solvers import SLEPC, factorise, one_thread

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from benchmarks.diagnosis import STUDY
 from benchmarks.written_tower import write_tower
 from dovetail import load_study
-from dovetail.desk.saving import live_model, write_desk_report
+from dovetail.desk import live_model, write_desk_report
 from dovetail.file.config import StudyContents
-from updating.live.hypothesis import Hypothesis
+from updating.live import Hypothesis
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -19,13 +19,8 @@ from numpy.typing import NDArray
 
 from benchmarks.modes import block_of_cells
 from benchmarks.peers.exchange import PEERS_PYTHON
+from fem import Frame, LoadCase, Model, assemble, solve_second_order, solve_static
 from fem.analysis.buckling import lowest_factor
-from fem.analysis.loads import LoadCase
-from fem.analysis.second_order import solve_second_order
-from fem.analysis.statics import solve_static
-from fem.elements.frame import Frame
-from fem.model import Model
-from fem.system import assemble
 
 PART, SIDEWAYS = 1 / 3, 1e-5
 """Vertical load relative to that of buckling, and horizontal relative to vertical load [-]."""

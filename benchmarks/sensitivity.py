@@ -13,10 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.lattice import lattice
-from fem import Frame, MemberProperties, Model, assemble
+from fem import Frame, MemberProperties, Model, assemble, differentiate_modes
 from fem.analysis.modes import solve_eigenpairs
 from fem.effects import MemberStiffness
-from fem.sensitivity.modes import differentiate_modes
 
 N_MODES, N_PARAMETERS, N_SENSORS = 40, 100, 20
 

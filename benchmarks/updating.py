@@ -14,12 +14,8 @@ import numpy as np
 
 from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
 from fem.effects import MemberStiffness
-from updating.inference.arrays import frf_data, mode_data
-from updating.inference.fit import FitProblem
-from updating.inference.mode_fit import ModeProblem
-from updating.inference.mode_preparation import build_mode_problem
-from updating.inference.preparation import build_problem
-from updating.inference.unknowns import Unknown
+from updating import FitProblem, Unknown, build_mode_problem, build_problem, frf_data, mode_data
+from updating.inference import ModeProblem
 
 LINES = np.linspace(5.0, 120.0, 250)
 BAYS = 6

@@ -4,7 +4,7 @@
 
 :class:`Study` is the facade. Behind it are the packages `fem` (models and their analyses), `updating`
 (measurements, fits, diagnosis), `joint` (identification and synthesis of joints) and `viz` (pictures). The
-command line does the same: ``dovetail run study.toml``.
+command line does the same: ``dovetail run study.toml``, or ``main(["run", "study.toml"])``.
 """
 
 from typing import TYPE_CHECKING
@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING
 from fem.lazy import names_on_use
 
 if TYPE_CHECKING:
+    from dovetail.cli import main
+    from dovetail.disk.output import OutputError
     from dovetail.file.table import StudyError
     from dovetail.study import Study, load_study
 else:
     __getattr__, __dir__ = names_on_use(__name__)
 
-__all__ = ["Study", "StudyError", "load_study"]
+__all__ = ["OutputError", "Study", "StudyError", "load_study", "main"]

@@ -102,13 +102,7 @@ def fitted_text(
     if not study.measurements and not study.amplitudes:
         return text
     text = with_values(text, {("measurements", 0, "compared"): compared.name})
-    return with_test(text, test_of(problem, result))
-
-
-def test_of(problem: FitProblem, result: FitResult) -> Measurement:
-    """Return the measurement of a fit with the form of damping and errors of channels that it has found."""
-    measurement = replace(problem.data.measurement, viscous=problem.viscous)
-    return measurement.with_channel_errors(result.channels)
+    return with_test(text, problem.test_of(result))
 
 
 def with_test(text: str, measurement: Measurement) -> str:

@@ -437,11 +437,9 @@ class Study(config.StudyContents):
         StudyError
             If the study has no measurement.
         """
-        from dovetail.found import test_of
         from dovetail.modes_pipeline import mode_problem_and_model
         from dovetail.pipeline import formed_problem_and_model
         from updating.diagnosis.begin import calibrated
-        from updating.inference.fit import FitProblem
         from updating.inference.fitted_damping import with_fitted_damping
         from updating.inference.fitting import fit_given
         from updating.inference.preparation import fitted_model
@@ -466,8 +464,8 @@ class Study(config.StudyContents):
             model = with_fitted_damping(problem, result, model)
         added = tuple(model.effect(e.name) for e in effects)
         more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}
-        if isinstance(problem, FitProblem):
-            test = test_of(problem, result)
+        test = problem.test_of(result)
+        if test is not None:
             for key in ("measurements", "amplitudes"):
                 more[key] = tuple(
                     replace(m, viscous=test.viscous, errors=test.errors) for m in getattr(self, key)

@@ -9,7 +9,7 @@ from dovetail.file.config import StudyContents, read_study
 from dovetail.file.contents import measured, without_held_out
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError, suggest
-from dovetail.found import test_of, text_with_model, values_in, with_test
+from dovetail.found import text_with_model, values_in, with_test
 from dovetail.modes_pipeline import (
     as_measured,
     mode_problem_and_model,
@@ -22,7 +22,6 @@ from fem.analysis.modes import solve_modes
 from fem.model import Model, ParameterRef
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
-from updating.inference.fit import FitProblem
 from updating.inference.fitted_damping import fitted_damping
 from updating.inference.update_run import update_fitted
 from updating.inference.updated import Updated
@@ -226,8 +225,9 @@ def updated_text(study: StudyContents, updated: Updated, folder: Path) -> tuple[
     here, there = (
         text_with_model(study, place, values, damping, effects, ()) for place in (study.path.parent, folder)
     )
-    if isinstance(updated.problem, FitProblem):
-        there = with_test(there, test_of(updated.problem, updated.fitted))
+    test = updated.problem.test_of(updated.fitted)
+    if test is not None:
+        there = with_test(there, test)
     values |= {(e.name, p.name): float(np.real(p.value)) for e in effects for p in e.parameters()}
     return there, tuple(_omitted(here, study, updated, values, damping is not None))
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble, solve_modes
-from viz.style import GREY, VERMILION, look, new_figure, save
+from viz import GREY, VERMILION, look, new_figure, save
 
 steel = Material("steel", E=210e9, rho=7850.0)
 bar = Section.rectangle(b=0.030, h=0.012)  # m

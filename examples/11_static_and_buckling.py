@@ -7,7 +7,7 @@ import json
 import tempfile
 from pathlib import Path
 
-from dovetail.cli import main
+from dovetail import main
 
 study = Path(__file__).parent / "loaded-portal" / "study.toml"
 folder = Path(tempfile.mkdtemp())

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.cli import main
+from dovetail import main
 
 portal = Path(__file__).parent / "loaded-portal"
 folder = Path(tempfile.mkdtemp())

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail.cli import main
+from dovetail import main
 
 study = Path(__file__).parent / "fan" / "study.toml"
 folder = Path(tempfile.mkdtemp())

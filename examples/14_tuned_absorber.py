@@ -11,9 +11,8 @@ import numpy as np
 
 from dovetail import load_study
 from fem import assemble, solve_complex_modes
-from fem.effects.sprung_mass import SprungMass
-from viz.curves import plot_frf
-from viz.style import save
+from fem.effects import SprungMass
+from viz import plot_frf, save
 
 study = load_study(Path(__file__).parent / "tuned-absorber" / "study.toml")
 alone = replace(study, model=study.model.without_effect("absorber"))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Modes, Section, Support, solve_buckling
-from viz.render import render_mode
+from viz import render_mode
 
 steel = Material("steel", E=210e9, rho=7850.0)
 tube = Section.tube(d=0.0603, t=0.004)  # m

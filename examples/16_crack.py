@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble, solve_modes
 from updating import propose
-from viz.style import VERMILION, look, new_figure, save
+from viz import VERMILION, look, new_figure, save
 
 steel, flat, length = Material("steel", E=210e9, rho=7850.0), Section.rectangle(b=0.030, h=0.020), 0.6  # m
 mesh = Mesh.from_lines([[0, 0, 0], [length, 0, 0]], [[0, 1]], {"beam": [0]}).refined(counts={"beam": 9})

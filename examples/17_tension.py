@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble, solve_modes
-from viz.style import BLUE, VERMILION, look, new_figure, save
+from viz import BLUE, VERMILION, look, new_figure, save
 
 steel, flat, length = Material("steel", E=210e9, rho=7850.0), Section.rectangle(b=0.040, h=0.005), 1.2  # m
 mesh = Mesh.from_lines([[0, 0, 0], [length, 0, 0]], [[0, 1]], {"beam": [0]}).refined(counts={"beam": 24})

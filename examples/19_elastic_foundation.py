@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fem import Frame, Joint, Material, MemberProperties, Mesh, Model, Section, Support, assemble, solve_modes
-from viz.style import BLUE, VERMILION, look, new_figure, save
+from viz import BLUE, VERMILION, look, new_figure, save
 
 steel, strip, length = Material("steel", E=210e9, rho=7850.0), Section.rectangle(b=0.300, h=0.020), 3.0  # m
 n = 32

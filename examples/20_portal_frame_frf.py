@@ -7,8 +7,7 @@ import numpy as np
 
 from fem import Damping, Frame, Material, MemberProperties, Model, Section, Support, assemble, compute_frf
 from fem.io import read_mesh
-from viz.curves import plot_frf
-from viz.style import save
+from viz import plot_frf, save
 
 # Physical groups of the Gmsh file name the members; the two "columns" become columns.1 and columns.2.
 mesh = read_mesh(Path(__file__).parent / "portal-frame.msh")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import fem
-from viz.style import BLUE, GREEN, VERMILION, look, new_figure, save
+from viz import BLUE, GREEN, VERMILION, look, new_figure, save
 
 steel, flat, length = fem.Material("steel", E=210e9, rho=7850.0), fem.Section.rectangle(0.05, 0.005), 1.0  # m
 mesh = fem.Mesh.from_lines([[0, 0, 0], [length, 0, 0]], [[0, 1]], {"beam": [0]}).refined(counts={"beam": 20})

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 import fem
-from fem.reduction.condensation import reduce_craig_bampton, reduce_guyan
-from viz.style import BLUE, GREY, VERMILION, look, new_figure, save
+from fem.reduction import reduce_craig_bampton, reduce_guyan
+from viz import BLUE, GREY, VERMILION, look, new_figure, save
 
 points = [[0, 0, 0], [0, 0, 1.2], [0.9, 0, 1.2], [0.9, 0, 0]]  # m
 mesh = fem.Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3]], {"left": [0], "beam": [1], "right": [2]})

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 import fem
-from fem.reduction.expansion import expand_serep
+from fem.reduction import expand_serep
 from updating import mac
-from viz.render import render_mode
+from viz import render_mode
 
 points = [[0, 0, 0], [0, 0, 1.2], [0.9, 0, 1.2], [0.9, 0, 0]]  # m
 mesh = fem.Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3]], {"left": [0], "beam": [1], "right": [2]})

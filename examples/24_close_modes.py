@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import fem
-from viz.style import BLUE, GREY, VERMILION, look, new_figure, save
+from viz import BLUE, GREY, VERMILION, look, new_figure, save
 
 steel = fem.Material("steel", E=210e9, rho=7850.0)
 mesh = fem.Mesh.from_lines([[0, 0, 0], [0, 0, 2.0]], [[0, 1]], {"mast": [0]}).refined(counts={"mast": 10})

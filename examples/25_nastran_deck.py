@@ -8,7 +8,7 @@ import numpy as np
 
 from fem import assemble, compute_participation, solve_modes
 from fem.io import read_model
-from viz.render import render_mode
+from viz import render_mode
 
 warnings.simplefilter("ignore")  # notes on cards with another meaning here; they are in model.mesh.notes
 model = read_model(Path(__file__).parent / "missing-card" / "frame.bdf", units="mm-t-s")

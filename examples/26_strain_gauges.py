@@ -7,7 +7,7 @@ import numpy as np
 
 import fem
 from updating import StrainGauge, place_sensors
-from viz.style import BLUE, VERMILION, look, new_figure, save
+from viz import BLUE, VERMILION, look, new_figure, save
 
 steel = fem.Material("steel", E=210e9, rho=7850.0)
 flat = fem.Section.rectangle(b=0.040, h=0.010)  # m

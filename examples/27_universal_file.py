@@ -8,8 +8,7 @@ import numpy as np
 import fem
 from fem.io import read_uff, write_uff
 from updating import mac, match_geometry
-from viz.correlation import plot_geometry_match
-from viz.style import save
+from viz import plot_geometry_match, save
 
 points = [[0, 0, 0], [0, 0, 1.2], [0.9, 0, 1.2], [0.9, 0, 0]]  # m
 mesh = fem.Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3]], {"left": [0], "beam": [1], "right": [2]})

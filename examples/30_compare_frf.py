@@ -8,8 +8,7 @@ import numpy as np
 
 from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, assemble, compute_frf
 from updating import compare
-from viz.curves import plot_frf
-from viz.style import save
+from viz import plot_frf, save
 
 flat = Section.rectangle(b=0.040, h=0.010)  # m
 mesh = Mesh.from_lines([[0, 0, 0], [1, 0, 0]], [[0, 1]], {"beam": [0]}).refined(counts={"beam": 40})

@@ -10,7 +10,7 @@ import numpy as np
 
 import fem
 from updating import EFFECT, Measurement, Nuisance, Sensor, diagnose, place_sensors, propose
-from viz.render import render_model
+from viz import render_model
 
 flat = fem.Section.rectangle(b=0.040, h=0.010)  # m
 corner, every = np.array([0.0, 0.0, 0.6]), ("x", "y", "z", "rx", "ry", "rz")

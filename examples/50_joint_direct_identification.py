@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import joint
-from viz.joints import plot_joint_stiffness
-from viz.style import save
+from viz import plot_joint_stiffness, save
 
 frequency = np.linspace(20.0, 800.0, 40)  # Hz
 omega = 2 * np.pi * frequency[:, None, None]

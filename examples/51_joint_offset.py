@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fem import AddedMass, Joint, Mesh, Model, Support, assemble, solve_modes
-from viz.style import BLUE, VERMILION, look, new_figure, save
+from viz import BLUE, VERMILION, look, new_figure, save
 
 mass, inertia, k, k_tilt = 12.0, 0.15, 4e5, 6e3  # kg, kg·m², N/m, N·m/rad
 mesh = Mesh.of_points([[0, 0, 0], [0, 0, -0.3]])  # m: a block, and the ground below it

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fem import AddedMass, Joint, Mesh, Model, Support, Viscoelastic, assemble, compute_frf
-from fem.laws import Zener
-from viz.style import BLUE, VERMILION, look, new_figure, save
+from fem import AddedMass, Joint, Mesh, Model, Support, Viscoelastic, Zener, assemble, compute_frf
+from viz import BLUE, VERMILION, look, new_figure, save
 
 mass, k = 8.0, 2e5  # kg, N/m
 law = Zener(ratio=2.0, tau=5e-3)  # three times as stiff at high frequency; most loss at 1/(2π τ √3) = 18 Hz

@@ -7,7 +7,7 @@ import numpy as np
 
 import fem
 from joint import decouple_frf
-from viz.style import BLUE, GREY, VERMILION, look, new_figure, save
+from viz import BLUE, GREY, VERMILION, look, new_figure, save
 
 steel = fem.Material("steel", E=210e9, rho=7850.0)
 flat = fem.MemberProperties(steel, fem.Section.rectangle(b=0.040, h=0.010))  # m

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble, solve_modes
-from viz.render import render_mode
+from viz import render_mode
 
 steel = Material("steel", E=210e9, rho=7850.0)
 profile = Section.i_section(b=0.100, h=0.096, tf=0.008, tw=0.005)  # m

@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from fem.io import read_frf
-from updating.modal.damping import damping_matrix
-from updating.modal.identification import identify_modes
-from viz.modal import plot_stabilisation, plot_synthesis
-from viz.style import save
+from updating import damping_matrix, identify_modes
+from viz import plot_stabilisation, plot_synthesis, save
 
 measured = read_frf(Path(__file__).parent / "southampton-frame" / "accelerance_3x3.uff")
 found = identify_modes(measured, band=(2.0, 60.0))  # Hz

@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Modes, Section, Support, assemble, solve_modes
+from updating import match_geometry, plan_pretest
 from updating.correlation import comac, compare_modes, ecomac, eliminate_coordinates
-from updating.measurement.matching import match_geometry
-from updating.measurement.pretest import plan_pretest
-from viz.correlation import plot_coordinates, plot_mode_pairs
-from viz.style import save
+from viz import plot_coordinates, plot_mode_pairs, save
 
 steel = Material("steel", E=210e9, rho=7850.0)
 points = [[0, 0, 0], [0, 0, 1.0], [0.7, 0, 1.0], [0.7, 0.4, 1.0]]  # m: a post, an arm and a stub

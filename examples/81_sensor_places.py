@@ -7,7 +7,7 @@ import numpy as np
 
 import fem
 from updating import plan_pretest
-from viz.correlation import render_pretest
+from viz import render_pretest
 
 points = [[0, 0, 0], [0, 0, 1.0], [0.8, 0, 1.0], [0.8, 0.6, 1.0]]  # m: a post, an arm and a stub
 mesh = fem.Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3]], {"post": [0], "arm": [1], "stub": [2]})

@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from dovetail import load_study
-from viz.plan import render_plan
+from viz import render_plan
 
 study = load_study(Path(__file__).parent / "first-frame" / "study.toml")
 kinds = ("support_flexibility", "point_mass")  # all kinds take some seconds

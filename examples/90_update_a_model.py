@@ -10,9 +10,8 @@ import numpy as np
 
 import fem
 from fem.effects import MemberStiffness
-from updating.inference.update import update
-from viz.style import save
-from viz.updating import plot_parameters
+from updating import update
+from viz import plot_parameters, save
 
 names = ["left", "right", "beam"]
 points = [[0, 0, 0], [0, 0, 0.5], [0.6, 0, 0], [0.6, 0, 0.5]]  # m

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from fem import FRF
-from fem.effects.sprung_mass import SprungMass
+from fem.effects import SprungMass
 from fem.io import write_npz
 
 path = Path(__file__).parent / "tuned-absorber" / "study.toml"

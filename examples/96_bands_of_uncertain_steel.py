@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import fem
-from viz.bands import plot_bands
-from viz.style import save
+from viz import plot_bands, save
 
 points = [[0, 0, 0], [0, 0, 1.2], [0.9, 0, 1.2], [0.9, 0, 0]]  # m
 mesh = fem.Mesh.from_lines(points, [[0, 1], [1, 2], [2, 3]], {"left": [0], "beam": [1], "right": [2]})

@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from fem import (
+    DIRECTIONS,
     AddedMass,
     Frame,
     Joint,
@@ -17,9 +18,8 @@ from fem import (
     Section,
     Support,
 )
-from fem.effects.distributed_mass import DistributedMass
-from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
-from fem.model import DIRECTIONS
+from fem.effects import DistributedMass
+from fem.io import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
 
 STEEL = Material("steel", 210e9, 7850.0)
 LIGHT = Material("light", 210e9, 1e-5)

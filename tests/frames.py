@@ -4,10 +4,12 @@ import numpy as np
 
 from dovetail import load_study
 from fem import (
+    DIRECTIONS,
     FRF,
     AddedMass,
     Attachment,
     Damping,
+    FractionalZener,
     Frame,
     Joint,
     Material,
@@ -28,11 +30,9 @@ from fem import (
 )
 from fem.elements.splitting import split
 from fem.io import matrices_of, write_npz
-from fem.laws import FractionalZener
-from fem.model import DIRECTIONS
 from tests.noise import complex_normal
-from updating.inference.preparation import with_higher_mass
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
+from updating.inference import with_higher_mass
 
 STEEL = Material("steel", 210e9, 7850.0)
 FLAT = Section.rectangle(0.03, 0.01)

@@ -6,7 +6,9 @@
                        ─ update → Updated: the model, values with uncertainty, the path there
                        ─ build_problem → FitProblem ─ locate → Localisation
                        ─ diagnose → Diagnosis: verdict, findings with their twins, faults, the updated model
-    before a test      ─ plan_pretest → PretestPlan;  after it match_geometry → GeometryMatch
+    ModeTargets, Model ─ build_mode_problem, diagnose_modes → ModeDiagnosis;  of two states diagnose_change
+    before a test      ─ plan_pretest → PretestPlan;  plan_test → Plan
+    after it           ─ match_geometry → GeometryMatch
 
 Correlation works on bare arrays: `mac`, `comac`, `ecomac`, `orthogonality`, `pair_modes`, `frac`, `fdac`,
 `band_error` and others. `docs/how-dovetail-judges.md` explains a diagnosis and when not to believe it, and
@@ -56,17 +58,33 @@ if TYPE_CHECKING:
     from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
     from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
     from updating.diagnosis.localisation import Localisation, locate
+    from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
+    from updating.diagnosis.states import diagnose_change
     from updating.inference.arrays import frf_data, mode_data
+    from updating.inference.bootstrap import BootstrapModel, refit
     from updating.inference.fit import FitProblem
     from updating.inference.fit_result import FitResult
-    from updating.inference.parameters import Nuisance
+    from updating.inference.fitting import assessed_fit
+    from updating.inference.mode_preparation import build_mode_problem
+    from updating.inference.mode_targets import ModeTargets
+    from updating.inference.parameters import DampingCurve, Nuisance
     from updating.inference.preparation import build_problem
-    from updating.inference.regularisation import gsvd, select_by_pivoting, select_forward, tikhonov
+    from updating.inference.regularisation import (
+        GeneralisedSVD,
+        LCurve,
+        gsvd,
+        l_curve,
+        select_by_pivoting,
+        select_forward,
+        tikhonov,
+    )
     from updating.inference.sampling import MissingExtraError, Samples
     from updating.inference.unknowns import Unknown
     from updating.inference.update import update
     from updating.inference.update_settings import UpdateSettings
     from updating.inference.updated import Ending, Updated, UpdatedParameter, UpdateStep
+    from updating.measurement.channel_errors import ChannelErrors
+    from updating.measurement.computed import computed_frf
     from updating.measurement.frf_estimation import (
         EstimatedFRF,
         EstimationError,
@@ -83,10 +101,13 @@ if TYPE_CHECKING:
         match_members,
     )
     from updating.measurement.measurement import (
+        BaseMotion,
         Measurement,
         MeasurementError,
         Sensor,
         place_sensors,
+        sensor_rows,
+        with_moving_base,
         with_sensor_masses,
     )
     from updating.measurement.noise import noise_from_coherence, noise_from_repeats, relative_noise
@@ -104,8 +125,9 @@ if TYPE_CHECKING:
     from updating.modal.damping import damping_matrix
     from updating.modal.identification import identify_modes
     from updating.modal.identified_modes import IdentifiedModes
-    from updating.modal.peaks import Candidate
+    from updating.modal.peaks import Candidate, mode_indicator, unexplained_peaks
     from updating.modal.poles import IdentificationError, Stabilisation
+    from updating.plan.plan import Outlook, Plan, plan_test
     from updating.quality.corrections import Fault
     from updating.quality.faults import confirm_faults, find_faults, settle_faults
     from updating.quality.gates import Check, Gates, Homogeneity, Reciprocity, check_gates
@@ -120,9 +142,13 @@ __all__ = [
     "AmbientError",
     "AmbientModes",
     "BandError",
+    "BaseMotion",
+    "BootstrapModel",
     "Candidate",
+    "ChannelErrors",
     "Check",
     "Comparison",
+    "DampingCurve",
     "Diagnosis",
     "EffectParameter",
     "Ending",
@@ -133,20 +159,26 @@ __all__ = [
     "FitProblem",
     "FitResult",
     "Gates",
+    "GeneralisedSVD",
     "GeometryMatch",
     "GeometryMatchError",
     "Homogeneity",
     "IdentificationError",
     "IdentifiedModes",
+    "LCurve",
     "Localisation",
     "Measurement",
     "MeasurementError",
     "MergedModes",
     "MissingExtraError",
     "ModeComparison",
+    "ModeDiagnosis",
     "ModePair",
+    "ModeTargets",
     "Nuisance",
     "Observability",
+    "Outlook",
+    "Plan",
     "PretestPlan",
     "Ranked",
     "Reciprocity",
@@ -163,19 +195,24 @@ __all__ = [
     "UpdatedParameter",
     "align_points",
     "assess_sensors",
+    "assessed_fit",
     "auto_mac",
     "band_error",
+    "build_mode_problem",
     "build_problem",
     "check_gates",
     "comac",
     "compare",
     "compare_modes",
+    "computed_frf",
     "confirm_faults",
     "cross_orthogonality",
     "cross_signature_assurance",
     "cross_signature_scale",
     "damping_matrix",
     "diagnose",
+    "diagnose_change",
+    "diagnose_modes",
     "ecomac",
     "eliminate_coordinates",
     "estimate_frf",
@@ -188,6 +225,7 @@ __all__ = [
     "gsvd",
     "identify_ambient",
     "identify_modes",
+    "l_curve",
     "labelled_from_frf",
     "labelled_from_modes",
     "level_at_end",
@@ -203,6 +241,7 @@ __all__ = [
     "modal_phase_collinearity",
     "modal_scale_factor",
     "mode_data",
+    "mode_indicator",
     "modes_from_labelled",
     "noise_from_coherence",
     "noise_from_repeats",
@@ -210,13 +249,16 @@ __all__ = [
     "pair_modes",
     "place_sensors",
     "plan_pretest",
+    "plan_test",
     "principal_angles",
     "propose",
     "real_shapes",
     "recorded_channels",
+    "refit",
     "relative_noise",
     "select_by_pivoting",
     "select_forward",
+    "sensor_rows",
     "sensors_from_table",
     "settle_faults",
     "signature_assurance",
@@ -225,6 +267,8 @@ __all__ = [
     "table_from_sensors",
     "tikhonov",
     "track_modes",
+    "unexplained_peaks",
     "update",
+    "with_moving_base",
     "with_sensor_masses",
 ]

@@ -15,12 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fem import assemble, solve_modes
-from fem.io.deck_units import DeckUnits
-from fem.io.frame_model import model_of
+from fem import MeshError, ModelError, assemble, solve_modes
+from fem.io import DeckUnits, model_of
 from fem.io.nastran_frame import read_nastran_frame
-from fem.mesh import MeshError
-from fem.model import ModelError
 
 DECKS = (".bdf", ".dat", ".nas", ".inp")
 LISTINGS = (".f06", ".out")

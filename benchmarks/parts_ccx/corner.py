@@ -21,8 +21,8 @@ from benchmarks.parts_ccx.calculix import (
 )
 from dovetail import load_study
 from fem import FRF
-from fem.io.arrays import write_npz
-from updating.correlation.frf_correlation import Comparison
+from fem.io import write_npz
+from updating import Comparison
 
 STEEL = Material(209e3, 0.3, 7.82e-9)
 BLOCK = 24.0

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from benchmarks.parts_ccx import bolts, corner
 from dovetail import Study, load_study
-from fem import FRF
-from fem.effects.joint import Joint
-from viz.render import render_model
+from fem import FRF, Joint
+from viz import render_model
 
 BLUE, ORANGE = "#1f6fb4", "#d98c1f"
 

@@ -7,14 +7,26 @@ from typing import Any
 import numpy as np
 
 from benchmarks.peers.exchange import PeerFrame, PeerResult, serve
-from fem import Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
-from fem.analysis.excitation import Excitation
-from fem.analysis.loads import LineLoad, LoadCase
-from fem.analysis.modes import solve_modes
-from fem.analysis.statics import StaticSolution, solve_static
-from fem.analysis.transient import solve_transient
-from fem.model import DIRECTIONS, Damping
-from fem.system import sum_contributions
+from fem import (
+    DIRECTIONS,
+    Damping,
+    Excitation,
+    Frame,
+    LineLoad,
+    LoadCase,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    StaticSolution,
+    Support,
+    assemble,
+    solve_modes,
+    solve_static,
+    solve_transient,
+    sum_contributions,
+)
 
 
 def model_of(frame: PeerFrame, *, polar: bool = False) -> Model:

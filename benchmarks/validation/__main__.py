@@ -17,10 +17,7 @@ from benchmarks.validation.hidden import SETS
 from benchmarks.validation.judging import Record
 from benchmarks.validation.table import as_markdown
 from dovetail.commands.argument_types import add_pool, integer_up_to, natural
-from dovetail.units.folder import FolderError
-from dovetail.units.outcome import outcome_of
-from dovetail.units.pool import PoolError, pool_of
-from dovetail.units.work import WorkStep
+from dovetail.units import FolderError, PoolError, WorkStep, outcome_of, pool_of
 from fem.io.atomic import replacing
 
 

@@ -7,9 +7,8 @@ from scipy.signal import lfilter
 from benchmarks.validation.frames import Draft, Generator, sensors_of
 from benchmarks.validation.true_modes import ModesError, seen_modes
 from benchmarks.validation.truth import TrueFrame
-from updating.ambient.identification import identify_ambient
-from updating.ambient.record import USED_BAND
-from updating.inference.mode_targets import ModeTargets
+from updating import ModeTargets, identify_ambient
+from updating.ambient import USED_BAND
 
 Floats = NDArray[np.float64]
 PERIODS = (1000.0, 4000.0)

@@ -3,7 +3,7 @@
     python -m benchmarks.validation --seed 7 --out out/seed-7
     python -m benchmarks.validation.calibration out/seed-7 out/foreign-7-results --out out/reliability.png
 
-Records are folders of `benchmarks.validation` or of `tests.independent.table`, or their files.
+Records are folders of `benchmarks.validation` or of `benchmarks.independent.table`, or their files.
 """
 
 import argparse
@@ -28,8 +28,8 @@ from benchmarks.validation.evidence import (
     SURE,
     WRONG_FAULT,
 )
-from dovetail.units.folder import json_lines
-from updating.diagnosis.diagnosis import UNEXPLAINED
+from dovetail.units import json_lines
+from updating import UNEXPLAINED
 from viz import style
 
 EDGES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
@@ -124,7 +124,7 @@ def calibrate(records: Iterable[Record]) -> Calibration:
     """
     every = [r["evidence"] for r in records if "evidence" in r]
     if not every:
-        msg = "no record has 'evidence': run benchmarks.validation, or tests.independent.table"
+        msg = "no record has 'evidence': run benchmarks.validation, or benchmarks.independent.table"
         raise RecordsError(msg)
     answers = [e for e in every if e["verdict"] != UNEXPLAINED]
     placed = [e for e in answers if e["place_right"] is not None]

@@ -21,11 +21,9 @@ from benchmarks.validation.frames import (
 from benchmarks.validation.hidden import FRF_STATES, KINDS, SETS, WEAK_SETS, draw_hidden
 from benchmarks.validation.hiding import Hidden
 from benchmarks.validation.truth import TrueFrame
-from fem.analysis.frf import FRF
-from fem.model import DIRECTIONS, Model
+from fem import DIRECTIONS, FRF, Model
+from updating import Measurement, Nuisance
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.parameters import Nuisance
-from updating.measurement.measurement import Measurement
 
 SETTINGS_VERSION = 4
 """Raised whenever the same seed gives other cases than before."""

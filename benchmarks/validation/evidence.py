@@ -12,13 +12,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.validation.hiding import NEAR
-from fem.model import Effect
+from fem import Effect
+from updating import UNEXPLAINED, Diagnosis, ModeDiagnosis
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnosis import UNEXPLAINED, Diagnosis
-from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis
-from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis
+from updating.diagnosis.evidence import UNKNOWN, Hypothesis, Search, Searched
 
 CREDIBLE = 0.9
 """Probability that the hypotheses of a credible set have together [-]."""

@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 
 import fem
 from benchmarks.validation.truth import Attached, Cut, Member, Reading, TrueFrame, TrueJoint, TrueSupport
-from fem.declarations import Environment
-from fem.model import DIRECTIONS
-from fem.system import assemble
-from updating.measurement.measurement import Sensor, place_sensors
+from fem import DIRECTIONS, Environment, assemble
+from updating import Sensor, place_sensors
 
 Generator = np.random.Generator
 

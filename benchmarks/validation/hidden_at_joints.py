@@ -18,7 +18,7 @@ from benchmarks.validation.hiding import (
 )
 from benchmarks.validation.spectral import Law
 from benchmarks.validation.truth import TrueFrame, TrueJoint
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS
 
 DrawAtJoint = Callable[[Generator, Draft, TrueJoint], Hidden]
 

@@ -20,7 +20,7 @@ from benchmarks.validation.hiding import (
     some_place,
 )
 from benchmarks.validation.truth import Attached, Cut, TrueFrame, TrueSupport, rigid_body
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS
 
 
 def _point_body(rotary: bool) -> Draw:

@@ -17,7 +17,7 @@ from benchmarks.validation.hiding import (
     some_place,
 )
 from benchmarks.validation.truth import EndSpring, Stretch, TrueFrame
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS
 
 
 def _factor(attribute: str, largest: float, direction: str | None = None) -> Draw:

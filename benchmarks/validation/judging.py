@@ -11,15 +11,11 @@ from benchmarks.validation.evidence import Stated, assess
 from benchmarks.validation.frames import Draft
 from benchmarks.validation.hidden import KINDS
 from benchmarks.validation.hiding import Place
+from fem import Effect, Model
 from fem.effects.places import PARALLEL, frame_of
-from fem.model import Effect, Model
+from updating import EFFECT, FAULT, NOTHING, Diagnosis, Fault, Finding, ModeDiagnosis, propose
 from updating.correlation import log_ratio, rms_db
-from updating.diagnosis.candidates import propose
-from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, Diagnosis
-from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.findings import Finding
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis
-from updating.quality.corrections import Fault
+from updating.diagnosis.evidence import Searched
 
 FLOOR = 1.3
 """An effect has explained the data if the error that is left is within this factor of the floor."""

@@ -11,10 +11,7 @@ from benchmarks.validation.frames import Draft, Generator, build_model, n_elemen
 from benchmarks.validation.judging import Record, are_hidden, evidence_of, heading
 from benchmarks.validation.true_modes import ModesError, seen_modes
 from benchmarks.validation.truth import TrueFrame
-from updating.diagnosis.diagnosis import EFFECT, NOTHING
-from updating.diagnosis.mode_diagnosis import diagnose_modes
-from updating.diagnosis.states import diagnose_change
-from updating.inference.mode_targets import ModeTargets
+from updating import EFFECT, NOTHING, ModeTargets, diagnose_change, diagnose_modes
 
 FREQUENCY_NOISE, SHAPE_NOISE = (0.001, 0.005), (0.02, 0.05)
 """Least and largest relative noise of a frequency, and of a shape's component over its root mean square."""

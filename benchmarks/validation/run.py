@@ -10,12 +10,18 @@ from benchmarks.validation.cases import Case, CaseSettings, draw_case, kinds_of
 from benchmarks.validation.hidden import MODAL_SETS
 from benchmarks.validation.judging import Record, judge, judge_evidence
 from benchmarks.validation.modal_cases import run_modal_case
-from dovetail.units.folder import Journal, alone_in, read_records
-from dovetail.units.outcome import Outcome
-from dovetail.units.pool import Pool, ThisProcess
-from dovetail.units.program import fingerprint
-from dovetail.units.work import WorkStep, work_through
-from updating.diagnosis.diagnose import diagnose
+from dovetail.units import (
+    Journal,
+    Outcome,
+    Pool,
+    ThisProcess,
+    WorkStep,
+    alone_in,
+    fingerprint,
+    read_records,
+    work_through,
+)
+from updating import diagnose
 
 CASES_FILE = "cases.jsonl"
 

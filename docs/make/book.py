@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 
-from tests.literature.book.entry import ROUNDING, Compared, Problem, compare
-from tests.literature.book.shelf import SOURCES
+from benchmarks.book.entry import ROUNDING, Compared, Problem, compare
+from benchmarks.book.shelf import SOURCES
 
 HEAD = """\
 | problem | quantity | published | Dovetail | deviation | remarks |

@@ -166,7 +166,7 @@ def shelved(name: str, store: Store) -> str:
 
         return Result(book.summary() if name == "summary" else book.table(name))
 
-    return store.result(("book", name, program(tests=True)), computed).text
+    return store.result(("book", name, program(book=True)), computed).text
 
 
 def listing(path: Path) -> str:

@@ -119,9 +119,9 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 @cache
-def program(first: str = PACKAGES[0], *, tests: bool = False) -> str:
+def program(first: str = PACKAGES[0], *, book: bool = False) -> str:
     """Return a hash of a package, of all that it may import, and of the code in docs/make."""
-    folders = [*PACKAGES[PACKAGES.index(first) :], "docs/make", *(["tests/literature"] if tests else [])]
+    folders = [*PACKAGES[PACKAGES.index(first) :], "docs/make", *(["benchmarks/book"] if book else [])]
     return digest(environment(), *(f"{name} {contents(ROOT / name)}" for name in folders))
 
 

@@ -17,8 +17,6 @@ from dovetail.units.program import digest_of
 from dovetail.units.work import WorkStep, work_through
 from fem.system import assemble
 from updating.inference.bootstrap import BootstrapModel, refit
-from updating.inference.fit import FitProblem
-from updating.inference.mode_fit import ModeProblem
 from updating.inference.updated import Updated
 
 Floats = NDArray[np.float64]
@@ -156,12 +154,9 @@ def run_bootstrap(
 def _digest(model: BootstrapModel) -> str:
     """Return a short hash of all on which a refit depends, the program included."""
     problem, updated = model.problem, model.updated
-    targets = problem.targets if isinstance(problem, ModeProblem) else problem.modes
+    measured = dict.fromkeys([problem.measured_modes, problem.data])
     arrays: list[Any] = [updated.values, updated.fitted.solution.x]
-    if targets is not None:
-        arrays += [targets.frequency, targets.frequency_std, targets.shapes, targets.shape_std]
-    if isinstance(problem, FitProblem):
-        arrays += [problem.data.frequency, problem.data.H, problem.data.mask, problem.data.noise]
+    arrays += [a for data in measured if data is not None for a in data.arrays]
     words: list[Any] = [(p.name, p.lower, p.upper, p.prior_std) for p in updated.parameters]
     words += [updated.left_out, sorted(updated.misfit.items()), problem.model_error]
     words += [updated.settings.max_iterations, updated.settings.n_lines]

@@ -1,1 +1,63 @@
 """The report of a run: words, pictures and one HTML page."""
+
+from typing import TYPE_CHECKING
+
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from dovetail.report.blocks import TableBlock
+    from dovetail.report.drawn import compared_models, fits_of, marked_places, pair_errors, rivals
+    from dovetail.report.figures import Figures, magnitude_title, make_all, packed, sizes
+    from dovetail.report.outline import OutlinePicture, read_outline
+    from dovetail.report.page import Markup, html, join, report_page, tag
+    from dovetail.report.pictures import Album, draw_all
+    from dovetail.report.probable import label_of, probability_text
+    from dovetail.report.report import report_html
+    from dovetail.report.sections.mode_shapes import mode_heading, partner_shapes, quadrature_shapes
+    from dovetail.report.shown import Shown
+    from dovetail.report.small_print import notes, thresholds
+    from dovetail.report.table import Column, Table, write_csv, write_xlsx
+    from dovetail.report.words import departure_text, fitted_text, headline, level_label, parameter_text
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
+
+__all__ = [
+    "Album",
+    "Column",
+    "Figures",
+    "Markup",
+    "OutlinePicture",
+    "Shown",
+    "Table",
+    "TableBlock",
+    "compared_models",
+    "departure_text",
+    "draw_all",
+    "fits_of",
+    "fitted_text",
+    "headline",
+    "html",
+    "join",
+    "label_of",
+    "level_label",
+    "magnitude_title",
+    "make_all",
+    "marked_places",
+    "mode_heading",
+    "notes",
+    "packed",
+    "pair_errors",
+    "parameter_text",
+    "partner_shapes",
+    "probability_text",
+    "quadrature_shapes",
+    "read_outline",
+    "report_html",
+    "report_page",
+    "rivals",
+    "sizes",
+    "tag",
+    "thresholds",
+    "write_csv",
+    "write_xlsx",
+]

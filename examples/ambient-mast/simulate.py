@@ -6,9 +6,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from dovetail import load_study
-from fem.analysis.modes import solve_modes
-from fem.system import assemble
-from updating.measurement.measurement import sensor_rows
+from fem import assemble, solve_modes
+from updating import sensor_rows
 
 RATE, DURATION = 50.0, 480.0
 """Samples a second, and length of the record [Hz, s]."""

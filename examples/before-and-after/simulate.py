@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail import load_study
-from fem.analysis.modes import first_modes
-from fem.system import assemble
+from fem import assemble, first_modes
 
 N = 8
 """Modes that are measured."""

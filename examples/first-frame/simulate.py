@@ -11,10 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import fem
-from fem.io import read_mesh, write_uff
-from fem.io.uff_types import Points
-from updating import place_sensors, propose
-from updating.measurement.measurement import Sensor
+from fem.io import Points, read_mesh, write_uff
+from updating import Sensor, place_sensors, propose
 
 HERE = Path(__file__).parent
 HIDDEN = "support_flexibility:left foot.ry"

@@ -14,20 +14,20 @@ from pathlib import Path
 
 import numpy as np
 
-from fem import FRF, Damping, Frame, Material, MemberProperties, Mesh, Model, Section
+from fem import DIRECTIONS, FRF, Damping, Frame, Material, MemberProperties, Mesh, Model, Section
 from fem.io import read_frf
-from fem.model import DIRECTIONS
 from joint import JointFit, ModelParts, Uncertain, fit_joint, relative_coordinates, relative_form
-from updating.inference.fit import FitProblem
-from updating.inference.fit_result import FitResult
-from updating.inference.fitting import assessed_fit
-from updating.inference.parameters import Nuisance
-from updating.inference.preparation import build_problem
-from updating.measurement.measurement import Measurement, Sensor
-from updating.measurement.noise import relative_noise
-from viz.curves import plot_frf
-from viz.joints import plot_stiffness_entries
-from viz.style import save
+from updating import (
+    FitProblem,
+    FitResult,
+    Measurement,
+    Nuisance,
+    Sensor,
+    assessed_fit,
+    build_problem,
+    relative_noise,
+)
+from viz import plot_frf, plot_stiffness_entries, save
 
 HERE = Path(__file__).parent
 NOMINAL = Material("steel", 206.8e9, 7889.0)

@@ -15,9 +15,19 @@ from pathlib import Path
 
 import numpy as np
 
-from fem import FRF, Damping, Frame, Material, MemberProperties, Mesh, Model, Section, assemble
-from fem.analysis.frf_solver import compute_frf
-from fem.model import DIRECTIONS
+from fem import (
+    DIRECTIONS,
+    FRF,
+    Damping,
+    Frame,
+    Material,
+    MemberProperties,
+    Mesh,
+    Model,
+    Section,
+    assemble,
+    compute_frf,
+)
 from joint import (
     CoordinateSet,
     Interface,
@@ -32,9 +42,7 @@ from joint import (
     partition_frf,
     stack_substructures,
 )
-from viz.curves import plot_frf
-from viz.joints import plot_stiffness_entries
-from viz.style import save
+from viz import plot_frf, plot_stiffness_entries, save
 
 FREQUENCY = np.linspace(10.0, 3200.0, 320)
 PAPER_NODES = (1, 5, 13, 21, 24, 28, 35, 37, 41)

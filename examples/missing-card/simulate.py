@@ -14,8 +14,7 @@ import openseespy.opensees as ops  # pyright: ignore[reportMissingImports]
 from scipy.linalg import eigh
 
 from fem import FRF
-from fem.io import write_uff
-from fem.io.uff_types import Points
+from fem.io import Points, write_uff
 
 HIDDEN = 8e3
 """Rotational stiffness about x between the crossbeam and the ring at (0.45, 0, 0.8) m [N·m/rad]."""

@@ -11,13 +11,13 @@ from fem import (
     Material,
     ModelError,
     Viscoelastic,
+    Zener,
     assemble,
     compute_base_frf,
     compute_frf,
+    lever_matrix,
 )
-from fem.effects.plane import Plane
-from fem.laws import Zener
-from fem.model import lever_matrix
+from fem.effects import Plane
 from tests.frames import FLAT, STEEL, beam, fix, mounted, planar, portal
 
 LIGHT = Material("light", 1e10, 1e-6)

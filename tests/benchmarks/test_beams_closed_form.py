@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fem import (
+    DIRECTIONS,
     AddedMass,
     Damping,
     Frame,
@@ -15,10 +16,10 @@ from fem import (
     Section,
     assemble,
     compute_frf,
+    lever_matrix,
     solve_modes,
 )
 from fem.effects import Preload
-from fem.model import DIRECTIONS, lever_matrix
 from tests.frames import FLAT, STEEL, beam, fix, planar
 
 PINNED = ("x", "y", "z")

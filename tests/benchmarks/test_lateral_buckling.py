@@ -11,6 +11,7 @@ import scipy.linalg as sla
 from scipy.optimize import brentq
 
 from fem import (
+    DIRECTIONS,
     AddedMass,
     Frame,
     Joint,
@@ -24,7 +25,6 @@ from fem import (
     Section,
     solve_buckling,
 )
-from fem.model import DIRECTIONS
 from tests.frames import STEEL, beam, fix
 
 STRIP = Section.rectangle(0.002, 0.06)

@@ -15,11 +15,10 @@ from fem import (
     solve_modes,
 )
 from fem.effects.moving_base import HEAVIER, base_moved
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model
+from fem.reduction import ParametricFRF, reduce_model
 from tests.frames import beam, fix, portal
-from updating import MeasurementError, Sensor
-from updating.measurement.measurement import BaseMotion, sensor_rows, with_moving_base, with_resting_base
+from updating import BaseMotion, MeasurementError, Sensor, sensor_rows, with_moving_base
+from updating.measurement import with_resting_base
 
 X, Y, Z = np.eye(3)
 LIGHT = Material("light", 1e10, 1e-6)

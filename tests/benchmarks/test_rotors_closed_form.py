@@ -20,8 +20,7 @@ from fem import (
 )
 from fem.analysis.complex_modes import DENSE_LIMIT
 from fem.analysis.whirl import whirl, whirl_name
-from fem.effects.rotor import Rotor
-from fem.effects.spin import Spin
+from fem.effects import Rotor, Spin
 from fem.model import skew
 from fem.system import rigid_motions
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix

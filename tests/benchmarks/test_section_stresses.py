@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from fem import MemberProperties, Section
-from fem.analysis.section_stress import section_stresses
+from fem import MemberProperties, Section, section_stresses
 from fem.sections.stress_points import missing_formula, stress_points
 from tests.frames import STEEL
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import scipy.linalg as sla
 
-from fem import Section, assemble, solve_static
-from fem.analysis.modes import first_modes
+from fem import Section, assemble, first_modes, solve_static
 from fem.analysis.warping import warped_modes, warping_constant
-from fem.effects.shear_centre import ShearCentre
+from fem.effects import ShearCentre
 from tests.frames import STEEL, beam, fix
 
 CHANNEL = Section.channel(0.06, 0.1, 0.008, 0.006)

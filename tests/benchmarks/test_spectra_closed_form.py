@@ -6,21 +6,22 @@ import pytest
 from fem import (
     AddedMass,
     Damping,
+    Excitation,
     Joint,
     LoadCase,
     Material,
     Model,
     ModelError,
+    Tabulated,
     assemble,
     compute_participation,
+    shock_response_spectrum,
+    solve_random,
+    solve_spectrum,
     solve_static,
+    solve_transient,
 )
-from fem.analysis.excitation import Excitation
-from fem.analysis.random_vibration import solve_random
-from fem.analysis.response_spectrum import combined, modal_correlation, solve_spectrum
-from fem.analysis.shock_spectrum import shock_response_spectrum
-from fem.analysis.tabulated import Tabulated
-from fem.analysis.transient import solve_transient
+from fem.analysis.response_spectrum import combined, modal_correlation
 from tests.frames import FLAT, STEEL, beam, fix, planar
 
 FLAT_SPECTRUM = Tabulated.of([0.01, 1e6], [1.0, 1.0])

@@ -6,9 +6,8 @@ from scipy.optimize import brentq
 
 from fem import Frame, MemberProperties, Mesh, Model, Section, assemble, solve_modes
 from tests.frames import FLAT, STEEL, beam, fix
-from updating import MeasurementError, StrainGauge, place_sensors
-from updating.measurement.measurement import sensor_rows
-from updating.measurement.strain_gauge import SHORT
+from updating import MeasurementError, StrainGauge, place_sensors, sensor_rows
+from updating.measurement import SHORT
 
 L, OFFSET = 1.2, (0.011, 0.004)
 THIN = Section.rectangle(0.03, 1e-4)  # rotary inertia changes curvatures by some (h/L)²

@@ -10,7 +10,7 @@ import pytest
 from scipy import special
 from scipy.optimize import brentq
 
-from dovetail.file.geometry import refine
+from dovetail.file import refine
 from fem import (
     Frame,
     InitialStrain,

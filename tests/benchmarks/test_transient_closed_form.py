@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from fem import Damping, Joint, Model, ModelError, assemble, compute_base_frf
-from fem.analysis.excitation import Excitation, interpolated
+from fem import Damping, Excitation, Joint, Model, ModelError, assemble, compute_base_frf, solve_transient
+from fem.analysis.excitation import interpolated
 from fem.analysis.recurrence import coupled, oscillators
-from fem.analysis.transient import solve_transient
-from fem.effects.rotor import Rotor
+from fem.effects import Rotor
 from tests.frames import FLAT, STEEL, beam, fix, planar
 
 ROOTS = np.array([1.875104068711961, 4.694091132974175, 7.854757438237613, 10.995540734875467])

@@ -3,12 +3,22 @@
 import numpy as np
 import pytest
 
-from fem import AddedMass, Damping, Joint, Material, ModelError, Section, assemble, compute_base_frf
-from fem.analysis.random_vibration import solve_random
-from fem.analysis.tabulated import Tabulated
-from fem.analysis.unbalance import Unbalance, solve_unbalance
-from fem.effects.spin import Spin
-from fem.system import sum_contributions
+from fem import (
+    AddedMass,
+    Damping,
+    Joint,
+    Material,
+    ModelError,
+    Section,
+    Tabulated,
+    Unbalance,
+    assemble,
+    compute_base_frf,
+    solve_random,
+    solve_unbalance,
+    sum_contributions,
+)
+from fem.effects import Spin
 from tests.frames import beam, fix
 
 LIGHT = Material("light", 211e9, 1e-3, nu=0.3)

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import norm
 
 import fem
-from dovetail.file.config import load_study
+from dovetail import load_study
 from dovetail.update import update_study
 from fem.io import read_uff
 from updating import Ending, identify_modes, update

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from dovetail.commands.ambient_modes import std_of
 from dovetail.modes_pipeline import targets_of
 from fem.io import read_modes

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dovetail.cli import main
+from dovetail import main
 from fem import FRF, Mesh
 from fem.io import write_csv, write_npz, write_uff
 from tests.studies import study_file

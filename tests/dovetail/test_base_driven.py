@@ -5,20 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 from dovetail.found import found_text
 from dovetail.pipeline import analysed
 from dovetail.result import result_dict
 from dovetail.update import identify_study, update_study
 from fem import FRF, FRFKind, PointMass, assemble, compute_base_frf, solve_modes
-from fem.io import read_uff, write_npz, write_uff
+from fem.io import Function, read_uff, write_npz, write_uff
 from fem.io.uff import read_quietly
-from fem.io.uff_types import Function
 from tests.frames import MAST
 from tests.noise import complex_normal
-from updating import mac
-from updating.measurement.measurement import sensor_rows
+from updating import mac, sensor_rows
 
 SENSORS = """
 [[excitations]]
@@ -96,8 +93,8 @@ def test_a_right_model_meets_its_transmissibilities_up_to_noise(right):
 
 
 def test_transmissibilities_are_named_so_and_have_no_unit(right, tmp_path, capsys):
-    from viz.curves import plot_frf
-    from viz.interactive.frf import frf_figure
+    from viz import plot_frf
+    from viz.interactive import frf_figure
 
     measured = right.measurements[0].frf
     assert (measured.quantity, measured.unit) == ("transmissibility", "-")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.cli import main
+from dovetail import main
 from dovetail.disk.output import null_keys
 from dovetail.notebook.candidates import places_of
 from fem import ModelError

@@ -6,7 +6,7 @@ import pytest
 from dovetail import StudyError, load_study
 from dovetail.pipeline import formed_fit_problem
 from tests.frames import write_study
-from updating.measurement.channel_errors import USUAL
+from updating.measurement import USUAL
 
 
 def with_table(folder, text):

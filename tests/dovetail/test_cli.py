@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from dovetail.report.page import page
 from fem import FRF, assemble, compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
 from tests.frames import CROSSED_BEAMS
 from tests.studies import study_file
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 COMMANDS = ("new", "check", "modes", "frf", "report", "identify-joint")
 
@@ -134,7 +133,7 @@ def test_modes_of_an_unstable_structure(portal, tmp_path, capsys):
     """Members under compression beyond what they bear: some modes are below zero, and marked."""
     members = load_study(portal).model.mesh.members
     press = "".join(f'[[effects]]\ncandidate = "preload:{name}"\ntension = -2e4\n' for name in members)
-    study = portal.with_name("pressed.toml")
+    study = shutil.copytree(portal.parent, tmp_path / "pressed") / "study.toml"
     study.write_text(portal.read_text(encoding="utf-8") + "\n" + press, encoding="utf-8")
     assert main(["modes", str(study), "--json", str(tmp_path / "m.json")]) == 0
     modes = json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))["modes"]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError
-from dovetail.file.geometry import element_size
+from dovetail.file import element_size
 from dovetail.report.small_print import _mesh
 from fem import FRF, Frame, Joint, Mesh, assemble, compute_frf, solve_modes
 from fem.io import write_mesh, write_npz, write_uff
 from tests.studies import study_from
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 BEAM = """
 [materials.steel]

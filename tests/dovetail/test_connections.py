@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail import StudyError
-from dovetail.file.config import load_study
+from dovetail import StudyError, load_study
 from tests.frames import FLAT_STEEL
 
 FRAME = (

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.independent.convert import ConversionError, convert, main
 from dovetail import load_study
 from fem import assemble, solve_modes
-from tests.independent.convert import ConversionError, convert, main
 
 CASES = (
     "a-frame-brace-in-tension",

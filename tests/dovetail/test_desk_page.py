@@ -3,31 +3,26 @@
 import asyncio
 import os
 import re
-import shutil
 import socket
 import subprocess
 import sys
 import time
 import urllib.error
 import urllib.request
-from pathlib import Path
 from threading import Thread
 
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
-from dovetail.desk.guard import Guard
-from dovetail.desk.scale import Scale
-from dovetail.desk.serve import HOST, MissingDeskError, free_port, require_nicegui, wait_for
+from dovetail import load_study, main
+from dovetail.desk import HOST, Guard, MissingDeskError, Scale, free_port, require_nicegui, wait_for
 from dovetail.file.contents import measured
 from dovetail.plan import plan_study
 from dovetail.report import planning
 from fem import Parameter
 from tests.frames import write_study
+from tests.studies import cross_beam, cross_beam_below_1600_hz
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "cross-beam"
 NAME = """<img src=x onerror="document.body.innerHTML=''"> & 'beam' 1"""
 SENSOR = '<b>D9"</b>'
 TURNING = "joint_stiffness:J.rx"
@@ -47,6 +42,14 @@ PROJECTED = """(name) => {
   return [box.x + box.width * (1 + v[0] / v[3]) / 2, box.y + box.height * (1 - v[1] / v[3]) / 2];
 }"""
 """Where on the screen a mark of the model is."""
+
+WATCHED = """() => {
+  const gd = document.querySelector('[aria-label^="The model"]');
+  window.hovered = false;
+  if (!gd.watched) gd.on('plotly_hover', () => { window.hovered = true; });
+  gd.watched = true;
+}"""
+"""Notes whether the mouse is on a mark of the model."""
 
 
 MOVED = """(slider, x) => new Promise((done) => {
@@ -251,14 +254,12 @@ class Server:
 
 @pytest.fixture
 def example(tmp_path):
-    for file in EXAMPLE.iterdir():
-        if not file.name.startswith("."):
-            shutil.copy(file, tmp_path)
-    return tmp_path / "study.toml"
+    return cross_beam(tmp_path)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def chromium(browser):
+    """Return Chromium, running for all walks: while it does, `asyncio.run` is refused."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as p:
@@ -309,19 +310,30 @@ class Tab:
         self.page.wait_for_function("() => !!document.querySelector('.gl-container canvas')")
         shown = self.page.get_by_role("combobox", name=box, exact=True)
         for k in range(20):  # the scene notices the mouse, and a press of it, when it is drawn next
-            pause = 200 * (1 + k / 3)  # longer each time, as a loaded machine needs it
+            patience = 400 * (1 + k / 3)  # longer each time, as a loaded machine needs it
             model.scroll_into_view_if_needed()
+            self.page.evaluate(WATCHED)
             x, y = self.page.evaluate(PROJECTED, name)
             self.page.mouse.move(x - 3, y)
-            self.page.wait_for_timeout(pause)
             self.page.mouse.move(x, y)
-            self.page.wait_for_timeout(2 * pause)
+            if not self.happens("() => window.hovered", None, patience):
+                continue
             self.page.mouse.click(x, y, delay=150)
-            self.page.wait_for_timeout(2 * pause)
-            if shown.input_value() == name:
+            value = [shown.element_handle(), name]
+            if self.happens("([e, name]) => e.value === name", value, patience):
                 return
         msg = f"{name} was not picked"
         raise AssertionError(msg)
+
+    def happens(self, condition, arg, patience):
+        """Return whether a condition becomes true within some milliseconds."""
+        from playwright.sync_api import TimeoutError as LateError
+
+        try:
+            self.page.wait_for_function(condition, arg=arg, timeout=patience)
+        except LateError:
+            return False
+        return True
 
     def drag(self, label, value):
         """Drag a slider on a logarithmic scale to a value."""
@@ -432,8 +444,8 @@ def settled(read, tries=8):
     return answers[-1]
 
 
-def test_two_tabs_share_a_desk_that_answers(example, chromium):
-    server = Server(example)
+def test_two_tabs_share_a_desk_that_answers(tmp_path, chromium):
+    server = Server(cross_beam_below_1600_hz(tmp_path))
     try:
         one = Tab(chromium, server.address)
         two = Tab(chromium, server.address)

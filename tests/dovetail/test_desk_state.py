@@ -3,7 +3,6 @@
 import asyncio
 import errno
 import json
-import shutil
 import signal
 import subprocess
 import sys
@@ -16,30 +15,35 @@ import numpy as np
 import pytest
 
 from docs.images.desk import with_two
-from dovetail import StudyError, load_study
-from dovetail.cli import main
-from dovetail.desk import figures
-from dovetail.desk.jobs import Job, Newest
-from dovetail.desk.journal import JournalError, journal_of, read_journal, write_journal
-from dovetail.desk.saving import save_study
-from dovetail.desk.session import Desk
-from dovetail.desk.state import MOST_STATES, DeskState, History, Stair
-from dovetail.desk.views import VIEWS, Chosen, frequency_bars
-from dovetail.disk.output import OutputError
-from dovetail.file.measured_modes import MeasuredModes
-from dovetail.pipeline import fit_problem
+from dovetail import OutputError, StudyError, load_study, main
+from dovetail.desk import (
+    MOST_STATES,
+    VIEWS,
+    Chosen,
+    Desk,
+    DeskState,
+    History,
+    Job,
+    JournalError,
+    Newest,
+    Stair,
+    figures,
+    frequency_bars,
+    journal_of,
+    read_journal,
+    save_study,
+    write_journal,
+)
+from dovetail.file import MeasuredModes
 from dovetail.plan import plan_study
 from dovetail.report import planning
 from fem import Modes
 from tests.frames import write_study
-from updating import Fault, MeasurementError
-from updating.diagnosis.fitted_modes import damped_modes
-from updating.inference.fitting import assessed_fit
-from updating.live.engine import LiveModel
-from updating.live.hypothesis import Hypothesis
-from updating.measurement.measurement import sensor_rows
+from tests.studies import cross_beam_below_1600_hz, fit_problem
+from updating import Fault, MeasurementError, assessed_fit, sensor_rows
+from updating.diagnosis import damped_modes
+from updating.live import Hypothesis, LiveModel
 
-STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING, MASS = "joint_stiffness:J.rx", "point_mass:U"
 
 
@@ -149,7 +153,7 @@ def test_compare_prints_the_error_of_a_saved_study(tmp_path, study, live, suppos
 
 def test_saving_spares_what_the_study_reads(study, live):
     with pytest.raises(OutputError, match="the study itself"):
-        save_study(study, live, Hypothesis.nominal(live.problem), STUDY)
+        save_study(study, live, Hypothesis.nominal(live.problem), study.path)
 
 
 def test_a_job_tells_its_progress_and_ends_when_asked():
@@ -180,8 +184,8 @@ def test_a_job_tells_its_progress_and_ends_when_asked():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [None, 0.01])
-def test_a_map_ends_within_two_seconds_when_asked(noise):
-    desk = Desk.open(STUDY.parents[1] / "first-frame" / "study.toml")
+def test_a_map_ends_within_two_seconds_when_asked(root, noise):
+    desk = Desk.open(root / "examples" / "first-frame" / "study.toml")
     job = desk.plan(noise)
     while job.fraction < 0.12:
         assert not job.wait(0.05)
@@ -491,10 +495,7 @@ desk.switch("D3z")
 
 
 def test_a_desk_killed_while_it_saves_opens_one_state_earlier(tmp_path):
-    for file in STUDY.parent.iterdir():
-        if not file.name.startswith("."):
-            shutil.copy(file, tmp_path)
-    here = tmp_path / STUDY.name
+    here = cross_beam_below_1600_hz(tmp_path)
     done = subprocess.run([sys.executable, "-c", KILLED, str(here)], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (-signal.SIGKILL, "")
     assert Desk.open(here).history.undoes == "add point mass: member U at 0.400 m"
@@ -580,10 +581,7 @@ def test_taking_over_brings_the_error_of_the_diagnosis(desk, tmp_path):
 
 
 def test_a_desk_that_was_killed_opens_where_it_was(tmp_path):
-    for file in STUDY.parent.iterdir():
-        if not file.name.startswith("."):
-            shutil.copy(file, tmp_path)
-    here = tmp_path / STUDY.name
+    here = cross_beam_below_1600_hz(tmp_path)
     one = Desk.open(here)
     one.add(MASS, mass=0.1)
     one.switch("D3z")

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError
-from dovetail.file.effects import effect_table
-from fem import FRF
-from fem.declarations import Environment
+from dovetail.file import effect_table
+from fem import FRF, Environment, parameter_values, sum_contributions
 from fem.effects import candidate_kinds
-from fem.model import parameter_values
-from fem.system import sum_contributions
 from tests.frames import STUDY
 from tests.studies import study_from
 from updating import Measurement, propose

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from dovetail.cli import main
-from dovetail.ensemble.quantiles import PROBABILITIES, quantiles
-from dovetail.ensemble.run import run_ensemble
-from dovetail.ensemble.samples import SampledModel, check, compute
-from dovetail.units.folder import FolderError
-from dovetail.units.pool import ThisProcess
+from dovetail import main
+from dovetail.ensemble import PROBABILITIES, SampledModel, check, compute, run_ensemble
+from dovetail.ensemble.quantiles import quantiles
+from dovetail.units import FolderError, ThisProcess
 from fem import FRFKind
 from tests.studies import study_from
 

@@ -5,10 +5,8 @@ import csv
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
-from fem.io import write_uff
-from fem.io.uff_types import Function, Points
+from dovetail import load_study, main
+from fem.io import Function, Points, write_uff
 
 DECK = (
     "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\nGRID,4,,0.,1.,1.\nCBAR,1,1,1,2,0.,0.,1.\n"

@@ -7,10 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
-from fem import assemble
-from fem.analysis.modes import first_modes
+from dovetail import load_study, main
+from fem import assemble, first_modes
 from fem.io import read_model, read_modes
 
 STUDY = """

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.disk.output import OutputError
+from dovetail import OutputError
 from dovetail.update import update_study
 from fem import ModelError
 

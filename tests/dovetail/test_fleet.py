@@ -7,17 +7,20 @@ import numpy as np
 import pytest
 
 from benchmarks.fleet import STUDY, auc, draw_fleet, judged
-from dovetail import load_study
-from dovetail.cli import main
-from dovetail.fleet.diagnosing import diagnose_outliers
-from dovetail.fleet.population import PopulationError, find_population
-from dovetail.fleet.run import run_fleet
-from dovetail.fleet.triage import Fleet
-from dovetail.fleet.typical import between_units, typical_measurement
-from dovetail.units.pool import ThisProcess
+from dovetail import load_study, main
+from dovetail.fleet import (
+    Fleet,
+    PopulationError,
+    between_units,
+    diagnose_outliers,
+    find_population,
+    run_fleet,
+    typical_measurement,
+)
+from dovetail.units import ThisProcess
 from fem import assemble, compute_frf
 from fem.io import read_npz, write_npz
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 FEW = STUDY.replace("step = 2.0", "step = 6.0")
 """The study with a third of the lines."""

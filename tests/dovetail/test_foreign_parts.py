@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail import StudyError
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 from dovetail.export import WRITERS, exported_deck
 from dovetail.file import condensed, connections
-from dovetail.file.config import load_study
-from fem import Attachment, Superelement, assemble, solve_modes
+from fem import DIRECTIONS, Attachment, Superelement, assemble, solve_modes
 from fem.effects import JointStiffness
-from fem.io import model_of, read_matrices, write_matrices, write_npz
-from fem.io.frame_model import read_deck
-from fem.model import DIRECTIONS
+from fem.io import model_of, read_deck, read_matrices, write_matrices, write_npz
 from tests.frames import FLAT_STEEL
 
 FRAME = (

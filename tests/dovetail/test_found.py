@@ -7,26 +7,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
-from dovetail.file.faults import fault_table
-from dovetail.file.toml import toml_value
-from dovetail.file.writing import with_damping, with_effects, with_parameters
+from dovetail import StudyError, load_study, main
+from dovetail.file import fault_table, toml_value, with_damping, with_effects, with_parameters
 from dovetail.found import found_text
-from dovetail.pipeline import fit_problem
-from fem import FRF, Damping, assemble, compute_frf
-from fem.connection_damping import ConnectionDamping
+from fem import FRF, ConnectionDamping, Damping, assemble, compute_frf, parameter_values, sum_contributions
 from fem.effects import JointStiffness, candidate_kinds
 from fem.io import read_csv, read_npz, read_uff
 from fem.linalg.solvers import factorise
-from fem.model import parameter_values
-from fem.system import connection_stiffness, sum_contributions
+from fem.system import connection_stiffness
 from tests.dovetail.test_effects import JOINTED, candidates, loaded
 from tests.frames import STUDY, write_study
-from updating import Fault, Measurement
+from tests.studies import fit_problem
+from updating import DampingCurve, Fault, Measurement, sensor_rows
 from updating.diagnosis.begin import begin
-from updating.inference.parameters import DampingCurve
-from updating.measurement.measurement import sensor_rows
 
 LINES = np.array([20.0, 47.0, 130.0, 290.0])
 """Frequencies at which the reported model and the one that was read are compared [Hz]."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from dovetail.cli import main
+from dovetail import main
 from fem.io import read_frf, read_uff
 
 RATE, F0, ZETA = 1024.0, 60.0, 0.02

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError, load_study
-from dovetail.file.paths import with_paths
+from dovetail.file import with_paths
 from dovetail.found import found_text
 from dovetail.pipeline import analyse
-from dovetail.report.words import headline
+from dovetail.report import headline
 from dovetail.result import frf_arrays
 from fem import PointMass
 from fem.io import read_frf, write_npz

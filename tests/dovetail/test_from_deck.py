@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from fem import Damping, MeshError, Section
-from fem.io import model_of, read_mesh
-from fem.io.frame_deck import BarProperty
+from fem.io import BarProperty, model_of, read_mesh
 from tests.decks import STEEL, deck, everything
 from tests.frames import frequencies
 

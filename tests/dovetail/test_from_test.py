@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
-from fem.io import read_uff, write_uff
-from fem.io.uff_types import Points
+from dovetail import load_study, main
+from fem.io import Points, read_uff, write_uff
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,10 @@ import shutil
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from dovetail.modes_history import shifts
-from updating.inference.mode_targets import ModeTargets
-from viz.history import plot_history
+from updating import ModeTargets
+from viz import plot_history
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from dovetail.cli import main
-from fem.io.units import G0
+from dovetail import main
+from fem.io import G0
 
 STUDY = """
 [mesh]

@@ -7,19 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import StudyError
-from dovetail.cli import main
-from dovetail.desk.journal import journal_of
-from dovetail.desk.session import Desk
-from dovetail.file.histories import read_columns
-from dovetail.file.mode_table import read_mode_table
-from dovetail.file.section_table import section_rows
-from dovetail.units.folder import FolderError, read_records
+from dovetail import StudyError, main
+from dovetail.desk import Desk, journal_of
+from dovetail.file import read_columns, read_mode_table, section_rows
+from dovetail.units import FolderError, read_records
 from fem import FRF, MeshError
-from fem.io import TableError, read_matrices, read_mesh, read_uff, write_npz
+from fem.io import Function, TableError, read_matrices, read_mesh, read_time_data, read_uff, write_npz
 from fem.io.mat5 import read_mat5
-from fem.io.time_data import read_time_data
-from fem.io.uff_types import Function
 from fem.io.units import size_of
 from tests.studies import study_file
 

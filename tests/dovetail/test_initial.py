@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from dovetail.cli import main
+from dovetail import main
 from tests.studies import study_file
 
 CANTILEVER = """

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dovetail.file.lines import key_lines
+from dovetail.file import key_lines
 
 TEXT = '''# comment with [brackets] and "quotes"
 title = "a # b"

@@ -5,21 +5,25 @@ import json
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from dovetail.disk.output import null_keys
-from dovetail.file.rotation import at_speed
-from fem import assemble, compute_base_frf, solve_campbell, solve_complex_modes
-from fem.analysis.excitation import Excitation
-from fem.analysis.random_vibration import solve_random
-from fem.analysis.response_spectrum import solve_spectrum
+from dovetail.file import at_speed
+from fem import (
+    Excitation,
+    Tabulated,
+    assemble,
+    compute_base_frf,
+    solve_campbell,
+    solve_complex_modes,
+    solve_random,
+    solve_spectrum,
+    solve_transient,
+    solve_unbalance,
+)
 from fem.analysis.statics import load_vectors
-from fem.analysis.tabulated import Tabulated
-from fem.analysis.transient import solve_transient
-from fem.analysis.unbalance import solve_unbalance
 from fem.io import read_mesh, read_npz
 from tests.studies import study_file
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 COLUMN = """
 [points]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError
-from fem import LineLoad, LoadCase, assemble, solve_static
-from fem.analysis.combinations import envelope
+from fem import LineLoad, LoadCase, assemble, envelope, solve_static
 from tests.studies import study_from
 
 BEAM = """

@@ -8,14 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
-from dovetail.file.faults import fault_table
-from dovetail.file.suspicions import LazyComparison
+from dovetail import StudyError, load_study, main
+from dovetail.file import LazyComparison, fault_table
 from fem import FRF, Modes
 from fem.analysis.frf import WITHOUT_PHASE
-from fem.io import read_npz, write_csv, write_npz, write_uff
-from fem.io.uff import Function
+from fem.io import Function, read_npz, write_csv, write_npz, write_uff
 from tests.frames import MAST
 from tests.studies import study_file, study_from
 from updating import Fault

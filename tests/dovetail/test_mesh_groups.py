@@ -2,9 +2,9 @@
 
 import pytest
 
+from benchmarks.fuzz.decks import GMSH_FRAME, GMSH_NAMES
 from dovetail import StudyError, load_study
 from fem import Support
-from tests.fuzz.decks import GMSH_FRAME, GMSH_NAMES
 from tests.studies import study_file
 
 STUDY = """[mesh]

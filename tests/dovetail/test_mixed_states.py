@@ -5,17 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
-from dovetail.file.contents import has_modes_alone
+from dovetail import StudyError, load_study, main
+from dovetail.file import has_modes_alone
 from dovetail.modes_pipeline import by_modes, mode_problem
-from fem import FRF, PointMass, assemble, compute_frf
-from fem.analysis.modes import first_modes
+from fem import FRF, PointMass, assemble, compute_frf, first_modes
 from fem.io import write_npz
 from tests.frames import STUDY
 from tests.noise import complex_normal
 from tests.studies import study_file
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 SEEN = [0, 2]
 """Of the first four modes, those in the plane of the sensors and the forces."""

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from fem.io import write_npz
 from tests.frames import MAST
 from tests.studies import study_file, study_from
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 SENSORS = "".join(
     f'\n[[sensors]]\nname = "{d}{k}"\npoint = [0.0, 0.0, {0.25 * k}]\ndirection = "{d}"\n'

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError, load_study
-from dovetail.file.mode_table import read_mode_table
+from dovetail.file import read_mode_table
 from dovetail.modes_pipeline import targets_of
 from tests.studies import study_from
 

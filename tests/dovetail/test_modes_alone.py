@@ -10,31 +10,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 from dovetail.disk.output import null_keys
-from dovetail.file.paths import with_paths
-from dovetail.file.toml import toml_value
+from dovetail.file import toml_value, with_paths
 from dovetail.found import mode_found_text
 from dovetail.modes_history import StateChange
 from dovetail.modes_pipeline import mode_problem, targets_of
-from dovetail.report.figures import make_all
-from dovetail.report.outline import read_outline
-from dovetail.report.probable import probability_text
-from dovetail.report.sections.mode_shapes import partner_shapes
-from fem import Modes, assemble
-from fem.analysis.modes import first_modes
+from dovetail.report import make_all, partner_shapes, probability_text, read_outline
+from fem import Modes, assemble, first_modes
 from fem.io import write_npz
 from tests.frames import MAST, beam
 from tests.studies import study_file, study_from
-from updating import Nuisance, propose
+from updating import ModeDiagnosis, ModeTargets, Nuisance, diagnose_modes, propose, sensor_rows
+from updating.diagnosis import Explanation, ModeTable
 from updating.diagnosis.findings import Finding
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis, _reason, diagnose_modes
-from updating.diagnosis.mode_table import ModeTable
+from updating.diagnosis.mode_diagnosis import _reason
 from updating.diagnosis.reported_modes import reported_modes
-from updating.diagnosis.verdict import Explanation
-from updating.inference.mode_targets import ModeTargets
-from updating.measurement.measurement import sensor_rows
 
 LINES = f"""{MAST}
 [candidates]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import pyuff
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 from tests.studies import study_file
 
 E, RHO, B, H, L = 70e9, 2700.0, 0.03, 0.01, 1.0

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import pyvista
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from fem import assemble, compute_participation
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

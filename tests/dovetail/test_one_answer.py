@@ -6,18 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
-from dovetail.desk.saving import by_hand, held_out_of, live_model, save_study
-from dovetail.pipeline import fit_problem
+from dovetail import load_study, main
+from dovetail.desk import by_hand, held_out_of, live_model, save_study
 from fem import FRF, assemble, compute_frf
-from fem.effects import candidate_kinds, effect_classes
-from fem.effects.crack import EndRelease
+from fem.effects import EndRelease, candidate_kinds, effect_classes
 from fem.io import write_npz
 from tests.dovetail.test_effects import JOINTED, candidates
-from updating import Fault
-from updating.live.hypothesis import Hypothesis
-from updating.measurement.measurement import sensor_rows
+from tests.studies import fit_problem
+from updating import Fault, sensor_rows
+from updating.live import Hypothesis
 
 TEXT = JOINTED.replace("elements =", 'mass = "higher-order"\nelements =')
 """With the mass that fits take: ``frf`` takes that of the file, and would have the mesh's error more."""

@@ -13,19 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail.cli import main
+from dovetail import OutputError, main
 from dovetail.disk.exchange import exchanged
-from dovetail.disk.output import (
-    MARK,
-    Output,
-    OutputError,
-    Progress,
-    check_outputs,
-    result_folder,
-    write_json,
-)
-from dovetail.file.paths import input_files
-from fem.io.atomic import WriteError, replacing
+from dovetail.disk.output import MARK, Output, Progress, check_outputs, result_folder, write_json
+from dovetail.file import input_files
+from fem.io import WriteError
+from fem.io.atomic import replacing
 from tests.frames import STUDY
 
 

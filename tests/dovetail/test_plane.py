@@ -5,7 +5,7 @@ import pytest
 
 import dovetail
 from dovetail import StudyError
-from dovetail.file.config import read_study
+from dovetail.file import read_study
 from fem import FRF
 from fem.io import write_npz
 from tests.frames import FLAT_STEEL

@@ -5,10 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
-from fem import PointMass, assemble
-from fem.analysis.modes import first_modes
+from dovetail import load_study, main
+from fem import PointMass, assemble, first_modes
 
 N_MODES, NOISE = 6, 2e-4
 STUDY = """

@@ -6,7 +6,8 @@ import shlex
 
 import pytest
 
-from dovetail.cli import build_parser, main
+from dovetail import main
+from dovetail.cli import build_parser
 
 PAGES = (
     "README.md",

@@ -10,29 +10,34 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail import pipeline as run
 from dovetail.commands.diagnosis_words import found_lines
 from dovetail.found import found_text
 from dovetail.notebook.diagnosis import StudyDiagnosis
-from dovetail.report import probable, words
-from dovetail.report.blocks import TableBlock
-from dovetail.report.drawn import fits_of, marked_places, rivals
-from dovetail.report.page import Markup, html, tag
-from dovetail.report.pictures import Album, draw_all
-from dovetail.report.probable import probability_text
-from dovetail.report.report import report_html
+from dovetail.report import (
+    Album,
+    Markup,
+    TableBlock,
+    draw_all,
+    fits_of,
+    html,
+    marked_places,
+    probability_text,
+    probable,
+    report_html,
+    rivals,
+    tag,
+    thresholds,
+    words,
+)
 from dovetail.report.sections import rounds
-from dovetail.report.small_print import thresholds
 from dovetail.result import _FORM as FORM_WORDS
 from dovetail.result import UncertainValue, diagnosis_dict, result_dict
 from fem import Parameter
 from fem.effects import effect_classes
-from tests.frames import cross_beam, portal, write_study
+from tests.frames import cross_beam, portal
 from updating import EffectParameter, Fault, Finding, propose
-from updating.diagnosis.departures import Departure
-from updating.diagnosis.localisation import NOWHERE
-from updating.inference.belief import FORM_SECTION, FORM_ZONE
+from updating.diagnosis import NOWHERE, Departure
+from updating.inference import FORM_SECTION, FORM_ZONE
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 
@@ -60,16 +65,13 @@ class Reader(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("bar")
-    return run.analyse(load_study(write_study(folder)), folder, lambda text, done: None)
+def found(bent):
+    return bent
 
 
 @pytest.fixture(scope="module")
-def album(found, tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dovetail.report.pictures.can_draw", lambda: False)
-        return draw_all(found, tmp_path_factory.mktemp("pictures"), lambda text, done: None)
+def album(bent_album):
+    return bent_album
 
 
 @pytest.fixture(scope="module")

@@ -13,26 +13,31 @@ import numpy as np
 import pytest
 from plotly.offline import get_plotlyjs
 
-from dovetail import load_study
-from dovetail import pipeline as run
-from dovetail.cli import main
-from dovetail.report import blocks, figures, probable, words
-from dovetail.report.drawn import compared_models, pair_errors
-from dovetail.report.outline import OutlinePicture, TableBlock, read_outline
-from dovetail.report.page import report_page
-from dovetail.report.pictures import Album, draw_all
-from dovetail.report.report import report_html
-from dovetail.report.sections.mode_shapes import quadrature_shapes
+from dovetail import load_study, main
+from dovetail.report import (
+    Album,
+    OutlinePicture,
+    TableBlock,
+    blocks,
+    compared_models,
+    figures,
+    pair_errors,
+    probable,
+    quadrature_shapes,
+    read_outline,
+    report_html,
+    report_page,
+    words,
+)
 from fem import FRF
 from tests.dovetail.test_modes_alone import written_shapes
-from tests.frames import beam, write_study
+from tests.frames import beam
 from updating import FAULT, Fault
 from updating.correlation import rms_db
-from updating.diagnosis.fitted_modes import modes_of
-from viz.interactive import frf, model, solids
-from viz.interactive.error import ranking_figure
+from updating.diagnosis import modes_of
+from viz import displacement_at
+from viz.interactive import frf, model, ranking_figure, solids
 from viz.interactive.theme import CONFIG
-from viz.models import displacement_at
 
 NASTY = "a<b>&\"'{x}%{y}$z$"
 CHROMIUM = (
@@ -48,9 +53,8 @@ CHROMIUM = (
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("bar")
-    return run.analyse(load_study(write_study(folder)), folder, lambda text, done: None)
+def found(bent):
+    return bent
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +63,9 @@ def live(found):
 
 
 @pytest.fixture(scope="module")
-def folder(found, live, tmp_path_factory):
-    """Return a folder with the report, whose structure is drawn by no picture."""
-    out = tmp_path_factory.mktemp("out")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dovetail.report.pictures.can_draw", lambda: False)
-        album = draw_all(found, out / "pictures", lambda text, done: None)
-    (out / "report.html").write_text(report_html(found, album, live), encoding="utf-8")
-    return out
+def folder(bent):
+    """Return the folder with the report, whose structure is drawn by no picture."""
+    return bent.folder
 
 
 # ------------------------------------------------------------------------------------------------------- data
@@ -430,7 +429,7 @@ def test_without_scripts_and_on_paper_there_are_still_pictures(folder, chromium)
 
 
 def test_names_with_tags_stay_text_in_a_browser(chromium, tmp_path):
-    place = solids.MarkedPlace(np.array([0.3, 0, 0]), "place", NASTY)
+    place = solids.Place(np.array([0.3, 0, 0]), "place", NASTY)
     one = FRF.from_arrays(np.arange(1.0, 9), np.arange(1.0, 9), "mobility", [NASTY], ["f"])
     made = (
         model.model_figure(beam(2), places=[place]),
@@ -539,7 +538,7 @@ def test_a_page_without_an_outline_is_refused_with_what_to_do(folder, tmp_path, 
 
 
 def test_blocks_without_content_are_shown_nowhere():
-    empty = blocks.ReportSection("Notes", [blocks.Items(()), blocks.Details("more", [blocks.Text("")]), None])
+    empty = blocks.Section("Notes", [blocks.Items(()), blocks.Details("more", [blocks.Text("")]), None])
     report = blocks.Report("a", "nothing", [blocks.Text("first <b>", "kind")], [empty])
     text = report_page(report)
     assert "Notes" not in text

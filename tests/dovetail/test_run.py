@@ -6,29 +6,25 @@ import re
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
+from dovetail import OutputError, StudyError, load_study, main
 from dovetail import pipeline as run
-from dovetail.cli import main
-from dovetail.disk.output import OutputError
-from dovetail.pipeline import fit_problem
 from dovetail.report import pictures
 from dovetail.result import SCHEMA
 from fem.effects import candidate_kinds, effect_classes
 from fem.io import read_npz
-from tests.frames import STUDY, write_study
-from updating.inference.fitting import assessed_fit
+from tests.frames import STUDY
+from tests.studies import fit_problem
+from updating import assessed_fit
 
 
 @pytest.fixture(scope="module")
-def study_file(tmp_path_factory):
-    return write_study(tmp_path_factory.mktemp("bar"))
+def study_file(bent_file):
+    return bent_file
 
 
 @pytest.fixture(scope="module")
-def done(study_file):
-    with pytest.MonkeyPatch.context() as patch:  # pictures of structures take longer than all the rest
-        patch.setattr("dovetail.report.pictures.can_draw", lambda: False)
-        return run.run(load_study(study_file), study_file.parent / "out")
+def done(bent):
+    return bent
 
 
 def test_the_hidden_mass_is_found(done):

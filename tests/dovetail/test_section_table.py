@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError
-from dovetail.file.config import read_study
-from dovetail.file.paths import input_files
-from dovetail.file.section_table import rolled
+from dovetail.file import input_files, read_study, rolled
 from fem import Frame, Section
 from tests.studies import study_file
 

@@ -6,7 +6,7 @@ import pytest
 from dovetail import StudyError
 from fem import assemble, compute_frf
 from tests.studies import study_from
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 BAR = """\
 {first}

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from dovetail import StudyError
-from dovetail.cli import main
-from dovetail.file.paths import input_files, with_paths
+from dovetail import StudyError, main
+from dovetail.file import input_files, with_paths
 from tests.frames import MAST
 from tests.studies import study_from
 

@@ -5,11 +5,10 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from dovetail import StudyError, load_study
-from dovetail.file.config import read_study
-from dovetail.file.writing import with_parameters
+from dovetail.file import read_study, with_parameters
 from fem import assemble, solve_modes
 from tests.studies import study_file
-from updating.measurement.measurement import sensor_rows
+from updating import sensor_rows
 
 STUDY = """
 [points]

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
-from dovetail.desk.saving import by_hand, live_model
-from dovetail.file.measured import pieces_of
+from dovetail import load_study, main
+from dovetail.desk import by_hand, live_model
+from dovetail.file import pieces_of
 from dovetail.found import found_text
 from dovetail.pipeline import analysed
 from dovetail.result import FOUND, FRFS, frf_arrays, result_dict
@@ -18,8 +17,7 @@ from tests.dovetail.test_effects import JOINTED, candidates
 from tests.frames import STUDY, measured_frf
 from tests.studies import study_file
 from updating import Fault
-from updating.live.fitting import fit_all
-from updating.live.hypothesis import Hypothesis
+from updating.live import Hypothesis, fit_all
 
 MEMBER = """[members.{name}]
 from = "{start}"
@@ -103,7 +101,8 @@ def study_of(folder, text, name, values, gain):
     ],
     ids=["joint", "mass", "loss", "ground", "corner", "gain and damping"],
 )
-def test_a_report_states_what_compare_prints(tmp_path, text, name, values, form, gain):
+def test_a_report_states_what_compare_prints(tmp_path, monkeypatch, text, name, values, form, gain):
+    monkeypatch.setattr("dovetail.pipeline.locate", lambda *_: None)  # half of the time, and stated elsewhere
     study, hidden = study_of(tmp_path, text, name, values, gain)
     live = live_model(study)
     h = Hypothesis.nominal(live.problem)

@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 
 PANEL = """
 [mesh]

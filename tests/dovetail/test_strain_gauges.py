@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import StudyError, load_study
-from dovetail.cli import main
+from dovetail import StudyError, load_study, main
 from fem import FRF
-from fem.io import read_frf, read_uff, write_npz, write_uff
-from fem.io.uff import Points
+from fem.io import Points, read_frf, read_uff, write_npz, write_uff
 from tests.studies import study_file, study_from
 from updating import MeasurementError, identify_modes
 from updating.correlation import DB_PER_NEPER, log_ratio
@@ -286,8 +284,8 @@ def test_other_commands_take_the_motions_alone(tmp_path, capsys):
 
 
 def test_reports_give_each_frf_its_unit(tmp_path):
-    from dovetail.report.figures import magnitude_title
-    from viz.curves import plot_frf
+    from dovetail.report import magnitude_title
+    from viz import plot_frf
 
     frf = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS)).measurements[0].frf
     labels = [a.get_ylabel() for a in plot_frf(frf, pairs=[("A1", "F"), ("G1", "F")]).axes]
@@ -315,11 +313,8 @@ def test_gauges_and_strains_of_a_measurement_agree(tmp_path):
 
 
 def test_the_desk_shows_each_quantity_with_its_unit_and_saves_gauges(tmp_path):
-    from dovetail.desk import figures
-    from dovetail.desk.saving import live_model, save_study
-    from dovetail.desk.session import Desk
-    from dovetail.desk.state import DeskState, History, Stair
-    from updating.live.hypothesis import Hypothesis
+    from dovetail.desk import Desk, DeskState, History, Stair, figures, live_model, save_study
+    from updating.live import Hypothesis
 
     test = measured(tmp_path, GAUGES + ACCELEROMETERS, (*PLACES, *MOTIONS))
     live = live_model(test)

@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from dovetail.cli import COMMANDS, WITHOUT_TABLES, build_parser, main
-from dovetail.disk.output import OutputError
+from dovetail import OutputError, main
+from dovetail.cli import COMMANDS, WITHOUT_TABLES, build_parser
+from dovetail.report import Column, Table, write_csv, write_xlsx
 from dovetail.report import table as tables
-from dovetail.report.table import Column, Table, write_csv, write_xlsx
 from tests.frames import STUDY
 
 NAMES = ["a,b", 'say "x"', "=1+1"]

@@ -13,10 +13,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail.units.folder import LOCK_FILE, FolderError, Journal, alone_in, read_records
-from dovetail.units.outcome import PROCESS_ENDED, Outcome, PoolError
-from dovetail.units.pool import ThisProcess, pool_of
-from dovetail.units.work import duration, work_through
+from dovetail.units import (
+    LOCK_FILE,
+    PROCESS_ENDED,
+    FolderError,
+    Journal,
+    Outcome,
+    PoolError,
+    ThisProcess,
+    alone_in,
+    duration,
+    pool_of,
+    read_records,
+    work_through,
+)
 
 WITH_DASK = importlib.util.find_spec("distributed") is not None
 needs_dask = pytest.mark.skipif(not WITH_DASK, reason="the extra 'cluster' (distributed) is not installed")

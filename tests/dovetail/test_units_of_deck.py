@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from dovetail.cli import main
+from dovetail import main
 from fem import FRF
-from fem.io import write_uff
-from fem.io.uff_types import Points
+from fem.io import Points, write_uff
 
 PLACES = np.array([[0, 0, 0], [1000, 0, 0], [1000, 700, 0], [0, 700, 400]], dtype=float)
 

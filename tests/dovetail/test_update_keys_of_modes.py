@@ -5,8 +5,7 @@ import pytest
 
 from dovetail import load_study
 from dovetail.update import update_study
-from fem import assemble
-from fem.analysis.modes import first_modes
+from fem import assemble, first_modes
 from tests.frames import MAST
 
 UNCERTAIN = """

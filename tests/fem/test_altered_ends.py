@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from fem import (
+    DIRECTIONS,
     Contribution,
     Frame,
     Joint,
@@ -23,25 +24,32 @@ from fem import (
     Support,
     assemble,
     compute_frf,
+    lever_matrix,
     reassemble,
     solve_modes,
+    sum_contributions,
 )
-from fem.effects import MemberDensity, MemberStiffness, Preload, StiffnessLoss
-from fem.effects.clamp_form import ClampForm
-from fem.effects.crack import Crack, EndRelease
-from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
-from fem.effects.rigid_end_zone import RigidEndZone
-from fem.effects.section_form import SectionForm
-from fem.effects.section_shear import SectionShear
-from fem.effects.side_spring import SideSpring
-from fem.effects.solid_corner import SolidCorner, _Zone
-from fem.effects.zone_form import ZoneForm
-from fem.model import DIRECTIONS, lever_matrix
-from fem.reduction.local_changes import LocalChanges
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model
+from fem.effects import (
+    ClampForm,
+    Crack,
+    EndRelease,
+    MemberDensity,
+    MemberSection,
+    MemberShear,
+    MemberStiffness,
+    MemberTorsion,
+    Preload,
+    RigidEndZone,
+    SectionForm,
+    SectionShear,
+    SideSpring,
+    SolidCorner,
+    StiffnessLoss,
+    ZoneForm,
+)
+from fem.effects.solid_corner import _Zone
+from fem.reduction import LocalChanges, ParametricFRF, reduce_model
 from fem.sensitivity.matrices import differentiate_matrices
-from fem.system import sum_contributions
 from tests.frames import fix
 
 E, RHO = 210e9, 7850.0

@@ -6,9 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from fem import Contribution, Effect, Frame, Parameter
-from fem.declarations import Role
-from fem.model import dofs_of
+from fem import Contribution, Effect, Frame, Parameter, Role, dofs_of
 from tests.fem.test_effects_contract import (
     CHECKS,
     MODELS,

@@ -12,13 +12,13 @@ from fem import (
     Material,
     ModelError,
     Viscoelastic,
+    Zener,
     assemble,
     compute_frf,
     solve_complex_modes,
     solve_modes,
 )
 from fem.analysis.complex_modes import DENSE_LIMIT, TOLERANCE
-from fem.laws import Zener
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, mounted, planar
 
 K, M = 4e4, 2.5

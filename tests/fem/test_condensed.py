@@ -20,8 +20,7 @@ from fem import (
 )
 from fem.analysis.condensed import _Pattern, condense, frf_function
 from fem.analysis.selection import dof_columns
-from fem.effects.rotor import Rotor
-from fem.effects.section_shear import SectionShear
+from fem.effects import Rotor, SectionShear
 from tests.frames import FLAT, STEEL, beam, braced, cross_beam, fix, mounted, portal, with_part
 
 LINES = np.array([3.0, 47.0, 111.0, 390.0])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dovetail.report.words import fitted_text, parameter_text
+from dovetail.report import fitted_text, parameter_text
 from fem import Parameter
 from updating import EffectParameter
 from updating.diagnosis.findings import _at_bound

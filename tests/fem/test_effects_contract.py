@@ -11,24 +11,30 @@ from fem import (
     Joint,
     LoadCase,
     Material,
+    Role,
     Section,
     assemble,
     compute_frf,
     differentiate_frf,
     differentiate_modes,
+    lever_matrix,
+    parameter_values,
     prestressed,
     solve_modes,
     solve_static,
 )
-from fem.declarations import Role
-from fem.effects import candidate_kinds, effect_classes
+from fem.effects import (
+    MassDamping,
+    Plane,
+    SectionShear,
+    Spin,
+    SprungMass,
+    StiffnessDamping,
+    candidate_kinds,
+    effect_classes,
+)
 from fem.effects.moving_base import base_moved
-from fem.effects.plane import Plane
-from fem.effects.proportional_damping import MassDamping, StiffnessDamping
-from fem.effects.section_shear import SectionShear
-from fem.effects.spin import Spin
-from fem.effects.sprung_mass import SprungMass
-from fem.model import Instruments, lever_matrix, parameter_values
+from fem.model import Instruments
 from tests.frames import beam, braced, cross_beam, fix, mounted, portal, welded, with_part
 
 SHEAR = SectionShear(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fem import Frame, Material, MemberProperties, Mesh, Model, Section, assemble, solve_modes
-from fem.effects.solid_corner import SolidCorner
+from fem.effects import SolidCorner
 from tests.frames import STEEL, braced, fix, portal, welded
 
 NOTHING = Material("nothing", 100 * STEEL.E, 1e-9, nu=STEEL.nu)

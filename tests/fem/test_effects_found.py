@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from fem import (
     FRF,
     Damping,
@@ -15,13 +16,12 @@ from fem import (
     Support,
     assemble,
     compute_frf,
+    parameter_values,
 )
 from fem.effects import SupportFlexibility
-from fem.model import parameter_values
-from tests.hidden.cases import make_case
 from tests.noise import complex_normal
 from updating import EFFECT, Measurement, Nuisance, Sensor, diagnose
-from updating.diagnosis.diagnose import BASIS_LIMIT_DB
+from updating.diagnosis import BASIS_LIMIT_DB
 
 
 @pytest.mark.parametrize(

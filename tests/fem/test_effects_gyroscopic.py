@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 
 from fem import FRF, Damping, FRFError, Joint, ModelError, Support, assemble, compute_frf, differentiate_frf
-from fem.effects.ground_damper import GroundDamper
-from fem.effects.point_inertia import PointInertia
-from fem.effects.rotor import Rotor
-from fem.effects.side_spring import SideSpring
-from fem.reduction.local_changes import LocalChanges
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model
+from fem.effects import GroundDamper, PointInertia, Rotor, SideSpring
+from fem.reduction import LocalChanges, ParametricFRF, reduce_model
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
-from updating import Measurement, Sensor, build_problem
-from updating.diagnosis.evidence.screening import Grid, screen
-from updating.inference.fitting import assessed_fit
+from updating import Measurement, Sensor, assessed_fit, build_problem
+from updating.diagnosis.evidence import screen
+from updating.forecast import Grid
 
 PLACES = [(3, "y"), (7, "z"), (12, "ry"), (5, "x")]
 FREQUENCY = np.linspace(20.0, 600.0, 25)

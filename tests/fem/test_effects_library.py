@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from fem import (
+    DIRECTIONS,
     FRF,
     Damping,
+    Environment,
     Frame,
     Joint,
     MemberProperties,
@@ -17,24 +19,33 @@ from fem import (
     Section,
     assemble,
     compute_frf,
+    lever_matrix,
     solve_modes,
+    sum_contributions,
 )
-from fem.declarations import Environment
-from fem.effects import candidate_kinds
-from fem.effects.crack import Crack, EndRelease
-from fem.effects.distributed_mass import DistributedMass, FluidAddedMass
-from fem.effects.ground_damper import GroundDamper
-from fem.effects.ground_spring import GroundSpring
-from fem.effects.joint_mass import JointInertia, JointMass
-from fem.effects.joint_nonlinear import JointCubic, JointFriction, JointGap
-from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
-from fem.effects.proportional_damping import MassDamping, StiffnessDamping
-from fem.effects.rigid_end_zone import RigidEndZone
-from fem.effects.rotor import Rotor
-from fem.effects.section_shear import SectionShear
+from fem.effects import (
+    Crack,
+    DistributedMass,
+    EndRelease,
+    FluidAddedMass,
+    GroundDamper,
+    GroundSpring,
+    JointCubic,
+    JointFriction,
+    JointGap,
+    JointInertia,
+    JointMass,
+    MassDamping,
+    MemberSection,
+    MemberShear,
+    MemberTorsion,
+    RigidEndZone,
+    Rotor,
+    SectionShear,
+    StiffnessDamping,
+    candidate_kinds,
+)
 from fem.elements.stretches import mass_of_stretch
-from fem.model import DIRECTIONS, lever_matrix
-from fem.system import sum_contributions
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix, portal
 from updating import Measurement, Sensor, propose
 

@@ -4,11 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem import Joint, Model, Viscoelastic, assemble, compute_frf, solve_modes
-from fem.effects.joint_coupling import JointCoupling
-from fem.effects.joint_offset import JointOffset
-from fem.effects.joint_viscoelastic import JointFractional, JointZener
-from fem.laws import FractionalKelvinVoigt, Zener
+from fem import FractionalKelvinVoigt, Joint, Model, Viscoelastic, Zener, assemble, compute_frf, solve_modes
+from fem.effects import JointCoupling, JointFractional, JointOffset, JointZener
 from tests.fem.test_effects_library import sums
 from tests.frames import FLAT, cross_beam, portal
 from updating import propose

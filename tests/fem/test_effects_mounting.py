@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from fem import Joint, Section, assemble, compute_frf, solve_modes
-from fem.effects.crack import Crack, EndRelease
-from fem.effects.foot_shift import FootShift
-from fem.effects.joint_complex_stiffness import JointComplexStiffness
-from fem.effects.joint_hole import JointHole
-from fem.effects.part_shift import PartShift
-from fem.effects.support_shift import SupportShift
-from fem.reduction.local_changes import LocalChanges
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model
+from fem.effects import (
+    Crack,
+    EndRelease,
+    FootShift,
+    JointComplexStiffness,
+    JointHole,
+    PartShift,
+    SupportShift,
+)
+from fem.reduction import LocalChanges, ParametricFRF, reduce_model
 from tests.frames import FLAT, STEEL, beam, cross_beam, fix
 
 K = np.diag([2e6, 3e6, 4e6, 500.0, 700.0, 900.0])

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import fem
-from dovetail.file.config import load_study
+from dovetail import load_study
 from fem import (
     Damping,
     Frame,
@@ -18,13 +18,15 @@ from fem import (
     Section,
     assemble,
     compute_frf,
+    dofs_of,
+    lever_matrix,
     solve_static,
 )
-from fem.effects.joint_patch import JointPatch, turning_parameters, with_patch
-from fem.model import dofs_of, lever_matrix
+from fem.effects import JointPatch
+from fem.effects.joint_patch import turning_parameters, with_patch
 from tests.frames import FLAT, FLAT_STEEL, STEEL, fix
 from updating import Nuisance, update
-from updating.inference.patches import PATCH_ELEMENTS, PATCH_REACH, TWIST_STD, refined_at, with_turning
+from updating.inference import PATCH_ELEMENTS, PATCH_REACH, TWIST_STD, refined_at, with_turning
 
 RIGID = ("x", "y", "z", "rx", "ry", "rz")
 GAP = 0.01

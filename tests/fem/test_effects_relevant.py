@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from fem import assemble, solve_modes
-from fem.declarations import Relevant
-from fem.effects import JointStiffness
-from fem.effects.crack import Crack, EndRelease
-from fem.model import parameter_values
+from fem import Relevant, assemble, parameter_values, solve_modes
+from fem.effects import Crack, EndRelease, JointStiffness
 from tests.frames import FLAT, STEEL, beam, braced, cross_beam, fix, mounted, portal, welded
 from updating import propose
 

@@ -6,28 +6,39 @@ import numpy as np
 import pytest
 
 import fem.reduction.reduced_model
-from fem import Damping, Frame, Joint, Model, PointMass, Section, Support, assemble, compute_frf, solve_modes
+from fem import (
+    DIRECTIONS,
+    Damping,
+    Frame,
+    Joint,
+    Model,
+    PointMass,
+    Section,
+    Support,
+    assemble,
+    compute_frf,
+    dof_vectors,
+    solve_modes,
+)
 from fem.analysis.modes import solve_eigenpairs
-from fem.analysis.selection import dof_vectors
 from fem.effects import (
+    Crack,
+    GroundSpring,
+    JointCoupling,
+    JointOffset,
     JointStiffness,
     JointStructuralDamping,
     JointViscousDamping,
+    JointZener,
+    MemberDamping,
+    MemberSection,
+    MemberShear,
     MemberStiffness,
+    MemberTorsion,
     StiffnessLoss,
     SupportFlexibility,
 )
-from fem.effects.crack import Crack
-from fem.effects.ground_spring import GroundSpring
-from fem.effects.joint_coupling import JointCoupling
-from fem.effects.joint_offset import JointOffset
-from fem.effects.joint_viscoelastic import JointZener
-from fem.effects.member_damping import MemberDamping
-from fem.effects.member_section import MemberSection, MemberShear, MemberTorsion
-from fem.model import DIRECTIONS
-from fem.reduction.local_changes import LocalChanges
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
+from fem.reduction import LocalChanges, ParametricFRF, ReducedModel, reduce_model, values_of
 from tests.frames import STEEL, beam, cross_beam, fix, portal
 
 WIDE = Section.rectangle(0.04, 0.01)

@@ -4,18 +4,15 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from fem import Contribution, assemble, compute_frf
-from fem.analysis.selection import dof_vectors
+from fem import Contribution, assemble, compute_frf, dof_vectors
 from fem.effects import (
     JointStiffness,
     SupportFlexibility,
 )
 from fem.effects.places import frame_of
 from fem.elements.frame import member_contribution
+from fem.reduction import LocalChanges, ParametricFRF, reduce_model, values_of
 from fem.reduction.deviations import DeviatingFRF, Deviations
-from fem.reduction.local_changes import LocalChanges
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model, values_of
 from tests.fem.test_engine import ACCURACY, FREQUENCY, IN, OUT, attachments, direct, engine, misfit
 from tests.frames import cross_beam, fix, portal
 

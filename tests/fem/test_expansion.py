@@ -6,8 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fem import ModelError, Modes, assemble, solve_modes
-from fem.reduction.condensation import reduce_guyan
-from fem.reduction.expansion import expand_dynamic, expand_hybrid, expand_serep, expand_smooth, expand_static
+from fem.reduction import (
+    expand_dynamic,
+    expand_hybrid,
+    expand_serep,
+    expand_smooth,
+    expand_static,
+    reduce_guyan,
+)
 from tests.frames import beam, cross_beam, fix, planar, portal
 
 PORTAL = assemble(portal(0.05))

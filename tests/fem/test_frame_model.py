@@ -5,13 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem import MeshError, Section, assemble, solve_modes
-from fem.effects.distributed_mass import DistributedMass
-from fem.io import model_of, read_model
-from fem.io.deck_units import DeckUnits
-from fem.io.frame_deck import BarProperty, Body, Connection, Equation, Link
-from fem.mesh import MeshWarning
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS, MeshError, MeshWarning, Section, assemble, solve_modes
+from fem.effects import DistributedMass
+from fem.io import BarProperty, Body, Connection, DeckUnits, Equation, Link, model_of, read_model
 from tests.decks import FLAT, LIGHT, STEEL, deck, everything, literal
 from tests.frames import frequencies
 

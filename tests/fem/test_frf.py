@@ -12,16 +12,14 @@ from fem import (
     Joint,
     MemberProperties,
     Viscoelastic,
+    Zener,
     assemble,
     compute_frf,
+    dof_vectors,
     frf_blocks,
     solve_modes,
 )
-from fem.analysis.selection import dof_vectors
-from fem.laws import Zener
-from fem.reduction.local_changes import LocalChanges
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model
+from fem.reduction import LocalChanges, ParametricFRF, reduce_model
 from tests.frames import FLAT, STEEL, cross_beam
 from tests.random_frames import random_frame
 

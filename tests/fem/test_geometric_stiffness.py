@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fem import (
+    DIRECTIONS,
     Attachment,
     Frame,
     InitialStrain,
@@ -23,12 +24,11 @@ from fem import (
     solve_buckling,
     solve_modes,
     solve_static,
+    sum_contributions,
 )
 from fem.effects import Prestress
 from fem.elements.levers import lever_stiffness
 from fem.io import matrices_of
-from fem.model import DIRECTIONS
-from fem.system import sum_contributions
 from tests.frames import STEEL, beam, braced, fix, planar, portal
 
 STRIP = Section.rectangle(0.002, 0.06)

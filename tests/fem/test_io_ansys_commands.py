@@ -7,12 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem import MeshError, assemble, solve_modes
-from fem.io import model_of, read_mesh
+from fem import MeshError, MeshWarning, assemble, solve_modes
+from fem.io import FrameDeck, model_of, read_deck, read_mesh
 from fem.io.ansys_deck import read_deck as read_commands
-from fem.io.frame_deck import FrameDeck
-from fem.io.frame_model import read_deck
-from fem.mesh import MeshWarning
 
 TABLES = """\
 /PREP7

@@ -6,12 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fem import MeshError, assemble, solve_modes
-from fem.io import model_of, read_mesh
+from fem import MeshError, MeshWarning, assemble, solve_modes
+from fem.io import Body, FrameDeck, model_of, read_deck, read_mesh
 from fem.io.ansys_deck import read_deck as read_commands
-from fem.io.frame_deck import Body, FrameDeck
-from fem.io.frame_model import read_deck
-from fem.mesh import MeshWarning
 
 STEEL = "MP,EX,1,2.1E11\nMP,DENS,1,7850\nMP,PRXY,1,0.3\n"
 E, RHO = 2.1e11, 7850.0

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from fem import assemble, solve_modes
-from fem.io import model_of
-from fem.io.frame_model import read_deck
+from fem.io import model_of, read_deck
 
 # lbf, in, s; lbf, ft, s
 INCH, FOOT = (0.0254, 175.126835, 1.0), (0.3048, 14.593903, 1.0)

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from fem.io import Asked, TableError, read_csv, read_frf, read_frfs
+from fem.io import G0, Asked, TableError, read_csv, read_frf, read_frfs
 from fem.io.columns import cut_number
 from fem.io.frf_labels import decibel_reference, frf_unit
-from fem.io.units import G0
 
 F = [1.0, 1.5, 2.0]
 H = np.array([3 + 4j, -1 + 2j, 0.5 - 6j])

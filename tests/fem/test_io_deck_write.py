@@ -22,19 +22,22 @@ from fem import (
     Section,
     Support,
     assemble,
+    first_modes,
 )
-from fem.analysis.modes import first_modes
-from fem.effects import JointStiffness, MemberDensity, StiffnessLoss, SupportFlexibility
-from fem.effects.crack import Crack, EndRelease
-from fem.effects.distributed_mass import DistributedMass
-from fem.effects.sprung_mass import SprungMass
-from fem.io import model_of, read_model
-from fem.io.abaqus_write import abaqus_text
-from fem.io.ansys_write import ansys_text
+from fem.effects import (
+    Crack,
+    DistributedMass,
+    EndRelease,
+    JointStiffness,
+    MemberDensity,
+    SprungMass,
+    StiffnessLoss,
+    SupportFlexibility,
+)
+from fem.io import abaqus_text, ansys_text, deck_of, model_of, nastran_text, read_model
 from fem.io.deck_changes import changed_deck
 from fem.io.deck_nodes import connection_matrices, plain, with_nodes
-from fem.io.frame_of_model import deck_of
-from fem.io.nastran_write import nastran_text, number
+from fem.io.nastran_write import number
 
 STEEL = Material("steel", 210e9, 7850.0, 0.3)
 ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.33)

@@ -7,10 +7,10 @@ import meshio
 import numpy as np
 import pytest
 
-from fem import Mesh, MeshError, check_mesh
+from fem import Mesh, MeshError, MeshWarning, check_mesh
 from fem.io import read_mesh, write_mesh, write_uff
 from fem.io.meshio_mesh import _by_number, quiet
-from fem.mesh import MeshWarning, merge_advice
+from fem.mesh import merge_advice
 
 
 def write(path, text):

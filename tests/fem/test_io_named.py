@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from fem.io import Asked, TableError, read_frf, read_frfs
+from fem.io import G0, Asked, TableError, read_frf, read_frfs
 from fem.io.mat_hdf5 import read_hdf5
 from fem.io.trial import end_of_trial
-from fem.io.units import G0
 from tests.noise import complex_normal
 
 RNG = np.random.default_rng(4)
@@ -217,7 +216,7 @@ def test_the_error_for_an_unknown_file_lists_what_is_read(tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_file_that_ends_the_library_is_refused(tmp_path, monkeypatch):
-    """libhdf5 frees memory twice on some damaged files, which ends the process (tests.fuzz, hdf5)."""
+    """libhdf5 frees memory twice on some damaged files, which ends the process (benchmarks.fuzz, hdf5)."""
     assert end_of_trial(lambda: None) is None
     assert end_of_trial(lambda: {}["key"]) is None
     path = tmp_path / "f.h5"

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from fem import MeshError, assemble, solve_modes
-from fem.io import model_of
-from fem.io.deck_units import DeckUnits
+from fem.io import DeckUnits, model_of
 from fem.io.nastran_frame import read_nastran_frame
 
 E, NU, L, A, I1, I2, J, M = 2e11, 0.25, 2.0, 4e-4, 3e-8, 1e-8, 2e-8, 50.0

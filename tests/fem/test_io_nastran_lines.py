@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem import MeshError
-from fem.io.deck_units import DeckUnits
+from fem.io import DeckUnits
 from fem.io.nastran_cards import BulkData, each_card
 from fem.io.nastran_frame import read_nastran_frame
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from dovetail.cli import main
+from dovetail import main
 from fem import MeshError
 from fem.io import read_matrices, read_mesh, read_model
 from fem.io.programs import program_of

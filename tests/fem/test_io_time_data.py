@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
 
-from fem.io import TableError, write_uff
-from fem.io.time_data import force_unit, motion_unit, read_time_data
-from fem.io.uff import Function
-from fem.io.units import G0
+from fem.io import G0, Function, TableError, read_time_data, write_uff
+from fem.io.time_data import force_unit, motion_unit
 
 RATE = 512.0
 T = np.arange(40) / RATE

@@ -9,8 +9,18 @@ import pytest
 import pyuff
 
 from fem import FRF, Mesh, Modes
-from fem.io import UffError, label_of, parse_label, read_frf, read_modes, read_uff, write_uff
-from fem.io.uff import Function, Header, Points, TraceLine
+from fem.io import (
+    Function,
+    Points,
+    UffError,
+    label_of,
+    parse_label,
+    read_frf,
+    read_modes,
+    read_uff,
+    write_uff,
+)
+from fem.io.uff import Header, TraceLine
 
 
 def small_frf(kind="accelerance", outputs=("1Z+", "2X-"), inputs=("1Z+",), frequency=(0.0, 0.5, 1.0, 1.5)):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fem import FRFKind, Mesh
-from fem.io import UffError, read_frf, read_mesh, read_uff, write_uff
-from fem.io.uff import Function, Points, TraceLine
+from fem.io import Function, Points, UffError, read_frf, read_mesh, read_uff, write_uff
+from fem.io.uff import TraceLine
 from fem.io.uff_units import force_factor, motion_factor
 from fem.io.units import FORCE, MOMENT, quotient_of
 

@@ -7,6 +7,7 @@ import pytest
 
 from dovetail import load_study
 from fem import (
+    DIRECTIONS,
     Frame,
     Location,
     MemberProperties,
@@ -16,16 +17,17 @@ from fem import (
     PropertyError,
     Section,
     assemble,
+    dofs_of,
+    lever_matrix,
     solve_modes,
 )
 from fem.effects import Preload
 from fem.elements.connections import end_slips
 from fem.elements.splitting import split
-from fem.model import DIRECTIONS, dofs_of, lever_matrix
 from fem.system import rigid_motions
 from tests.frames import FLAT, STEEL, beam, braced, fix, frequencies, planar, welded
-from updating.inference.mode_preparation import fine_enough
-from updating.inference.mode_targets import ModeTargets
+from updating import ModeTargets
+from updating.inference import fine_enough
 
 PINNED = ("x", "y", "z")
 EI, MASS = STEEL.E * FLAT.Iy, STEEL.rho * FLAT.A

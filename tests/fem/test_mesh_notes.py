@@ -8,15 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.cli import main
-from dovetail.report.figures import Figures
-from dovetail.report.page import html
-from dovetail.report.shown import Shown
-from dovetail.report.small_print import notes
-from fem import Mesh, MeshError
+from dovetail import main
+from dovetail.report import Figures, Shown, html, notes
+from fem import Mesh, MeshError, MeshWarning
 from fem.io import read_mesh
 from fem.io.rawmesh import MOST_PAIRS, RawMesh, mesh_of
-from fem.mesh import MeshWarning
 
 MSH = """$MeshFormat
 2.2 0 8

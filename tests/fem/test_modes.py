@@ -28,8 +28,7 @@ from fem import (
 from fem.analysis.modes import DENSE_LIMIT, solve_eigenpairs
 from fem.effects import Preload
 from fem.linalg.lanczos import RitzPairs
-from fem.reduction.condensation import reduce_craig_bampton, reduce_guyan, reduce_irs, reduce_serep
-from fem.reduction.expansion import expand_smooth
+from fem.reduction import expand_smooth, reduce_craig_bampton, reduce_guyan, reduce_irs, reduce_serep
 from tests.frames import FLAT, STEEL, beam, chain, fix, portal
 
 CLAMPED, FREE = 1.875104068711961**2, 4.730040744862704**2

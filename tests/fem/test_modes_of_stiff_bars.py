@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem import AddedMass, Frame, Material, MemberProperties, Mesh, Model, Section, assemble, solve_modes
-from fem.effects.ground_spring import GroundSpring
+from fem.effects import GroundSpring
 from tests.frames import FLAT, fix
 
 STIFF = Material("stiff", 2.1e13, 1e-6)

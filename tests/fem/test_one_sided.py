@@ -13,9 +13,10 @@ from fem import (
     ModelError,
     Section,
     assemble,
+    solve_one_sided,
     solve_static,
 )
-from fem.analysis.one_sided import SLACK, solve_one_sided
+from fem.analysis.one_sided import SLACK
 from tests.frames import STEEL, fix, planar
 
 ROD = Section.circle(0.02)

@@ -22,8 +22,8 @@ from fem import (
     solve_modes,
     solve_static,
 )
-from fem.effects.clamp_form import ClampForm
-from fem.effects.plane import Plane, refusals
+from fem.effects import ClampForm, Plane
+from fem.effects.plane import refusals
 from tests.frames import FLAT, STEEL, fix, planar, portal, with_part
 from updating import propose
 

@@ -8,16 +8,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem import Contribution, Damping, Effect, Joint, Mesh, Model, ModelError, Section, assemble, solve_modes
-from fem.declarations import Role
-from fem.model import dofs_of
-from fem.reduction.condensation import (
-    reduce_craig_bampton,
-    reduce_dynamic,
-    reduce_guyan,
-    reduce_irs,
-    reduce_serep,
+from fem import (
+    Contribution,
+    Damping,
+    Effect,
+    Joint,
+    Mesh,
+    Model,
+    ModelError,
+    Role,
+    Section,
+    assemble,
+    dofs_of,
+    solve_modes,
 )
+from fem.reduction import reduce_craig_bampton, reduce_dynamic, reduce_guyan, reduce_irs, reduce_serep
 from fem.reduction.frequency_errors import frequency_errors
 from tests.frames import STEEL, beam, cross_beam, fix, planar, portal
 

@@ -19,17 +19,17 @@ from fem import (
     FRFError,
     ModelError,
     Parameter,
+    Role,
     Section,
     assemble,
     compute_frf,
     differentiate_frf,
     differentiate_modes,
+    dofs_of,
     solve_modes,
 )
 from fem.analysis.modes import solve_eigenpairs
-from fem.declarations import Role
 from fem.effects import MemberStiffness, SupportFlexibility
-from fem.model import dofs_of
 from fem.sensitivity.matrices import differentiate_matrices
 from tests.frames import beam, cross_beam, fix, portal
 

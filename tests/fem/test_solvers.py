@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_info
 
+from fem import SingularMatrixError, SolverError
 from fem.linalg.lanczos import EQUAL, lowest_eigenpairs
 from fem.linalg.multifrontal import COLUMN_MAJOR, LEAF, plan_elimination
-from fem.linalg.solvers import BACKENDS, SingularMatrixError, SolverError, factorise, one_thread
+from fem.linalg.solvers import BACKENDS, factorise, one_thread
 
 EPS = np.finfo(float).eps
 

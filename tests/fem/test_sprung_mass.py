@@ -22,8 +22,7 @@ from fem import (
     solve_modes,
     solve_static,
 )
-from fem.effects.plane import Plane
-from fem.effects.sprung_mass import SprungMass
+from fem.effects import Plane, SprungMass
 from tests.frames import beam, fix, planar
 
 MASS, RATIO = 10.0, 0.05

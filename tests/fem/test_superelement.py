@@ -22,13 +22,13 @@ from fem import (
     Superelement,
     assemble,
     compute_frf,
+    dof_vectors,
+    dofs_of,
+    lever_matrix,
     solve_modes,
 )
-from fem.analysis.selection import dof_vectors
 from fem.io import MatricesError, matrices_of, read_matrices
-from fem.model import dofs_of, lever_matrix
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model
+from fem.reduction import ParametricFRF, reduce_model
 from tests.frames import FLAT, STEEL, fix, with_part
 
 DATA = Path(__file__).parents[1] / "data" / "bracket"

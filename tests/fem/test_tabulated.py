@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem.effects.clamp_form import ClampForm
-from fem.effects.zone_form import IN_PLANE, SOFTEST, STIFFEST, ZoneForm
-from fem.reduction.reduced_model import reduce_model
+from benchmarks.hidden.cases import make_case
+from fem.effects import ClampForm, ZoneForm
+from fem.effects.zone_form import IN_PLANE, SOFTEST, STIFFEST
+from fem.reduction import reduce_model
 from fem.tabulated import ChebyshevTable
-from tests.hidden.cases import make_case
 
 
 @pytest.fixture(scope="module")

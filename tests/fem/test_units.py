@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fem.io.units import G0, conversion, density_conversion, heading_of, named_unit, size_of, split_heading
+from fem.io import G0
+from fem.io.units import conversion, density_conversion, heading_of, named_unit, size_of, split_heading
 
 LBF = 4.4482216152605
 TIMES = ("time", "t", "timestamp", "elapsedtime")

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from fem import (
+    DIRECTIONS,
     AddedMass,
+    FractionalKelvinVoigt,
+    FractionalZener,
     Frame,
     Joint,
     MemberProperties,
@@ -15,18 +18,17 @@ from fem import (
     ModelError,
     MultiPointConstraint,
     RigidLink,
+    TabulatedLaw,
     TabulatedStiffness,
     Viscoelastic,
+    Zener,
     assemble,
     compute_frf,
+    dof_vectors,
+    lever_matrix,
     solve_modes,
 )
-from fem.analysis.selection import dof_vectors
-from fem.laws import FractionalKelvinVoigt, FractionalZener, TabulatedLaw, Zener
-from fem.model import DIRECTIONS, lever_matrix
-from fem.reduction.local_changes import LocalChanges
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.reduced_model import reduce_model, values_of
+from fem.reduction import LocalChanges, ParametricFRF, reduce_model, values_of
 from tests.frames import FLAT, STEEL, TURNED, beam, fix, mounted
 
 LAWS = {

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.joint_noise import ARMS, STEEL, full_joint, model_parts, noisy, parts, relative, truth
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS
 from joint import (
     CoordinateSet,
     FormError,

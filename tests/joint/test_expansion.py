@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.joint_noise import beam
-from fem import assemble, compute_frf, solve_modes
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS, assemble, compute_frf, solve_modes
 from joint import (
     CoordinateSet,
     ExpansionError,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from joint import explain_stiffness, l_curve
-from viz.joints import plot_l_curve, plot_stiffness_entries, plot_stiffness_laws
-from viz.style import figure_png
+from viz import figure_png, plot_stiffness_entries, plot_stiffness_laws
+from viz.joints import plot_l_curve
 
 LINES = np.linspace(10.0, 500.0, 60)
 Z = np.einsum("f,ij->fij", 1e6 * (1 + 0.05j) + 0 * LINES, np.array([[2.0, 1.0], [1.0, 3.0]]))

@@ -8,17 +8,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks.joint_noise import ARMS, parts
-from dovetail.cli import main
-from dovetail.file.config import load_study
+from dovetail import load_study, main
 from dovetail.identify import read_task, write_proposal
 from fem import Damping, Joint, assemble, compute_frf
-from fem.reduction.reduced_model import reduce_model
+from fem.reduction import reduce_model
 from joint import ReleasedParts, couple, fit_joint, relative_coordinates, relative_form
 from joint.assembly import identify
 from joint.assembly_fit import estimate
 from tests.frames import CROSSED_BEAMS
-from updating import Nuisance
-from updating.inference.parameters import DampingCurve
+from updating import DampingCurve, Nuisance
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 LINES = np.arange(30.0, 400.0, 5.0)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fem import FRF, Damping, Joint, Mesh, Model, assemble, compute_frf
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS, FRF, Damping, Joint, Mesh, Model, assemble, compute_frf
 from joint import (
     Regularisation,
     SubstructuringError,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.literature.book.entry import Compared, Quantity, compare, half_digit
-from tests.literature.book.shelf import SOURCES
+from benchmarks.book.entry import Compared, Quantity, compare, half_digit
+from benchmarks.book.shelf import SOURCES
 
 PROBLEMS = {problem.name: problem for source in SOURCES.values() for problem in source.PROBLEMS}
 

@@ -1,15 +1,13 @@
 """NAFEMS benchmarks for the free vibration of beams: the deviations from FV2 to FV5.
 
-The figures are in `tests/literature/book/nafems.py`. They have four or five digits; half a unit of the last
+The figures are in `benchmarks/book/nafems.py`. They have four or five digits; half a unit of the last
 is part of each tolerance, the rest is predicted or explained.
 """
 
 import numpy as np
 import pytest
 
-from fem import Section, assemble, solve_modes
-from tests.benchmarks.test_beams_closed_form import timoshenko_pinned
-from tests.literature.book.nafems import (
+from benchmarks.book.nafems import (
     COWPER,
     FV2,
     FV3,
@@ -24,6 +22,8 @@ from tests.literature.book.nafems import (
     stretchless,
     with_masses,
 )
+from fem import Section, assemble, solve_modes
+from tests.benchmarks.test_beams_closed_form import timoshenko_pinned
 
 
 def printed(text):

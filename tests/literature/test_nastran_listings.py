@@ -3,8 +3,7 @@
 import numpy as np
 
 from fem import assemble, solve_modes
-from fem.io import model_of
-from fem.io.deck_units import DeckUnits
+from fem.io import DeckUnits, model_of
 from fem.io.nastran_frame import read_nastran_frame
 
 LISTED = (456.6603, 456.6603, 2674.588, 2674.588, 3554.923, 4507.487, 6626.104, 6626.104, 11111.59, 11111.59)

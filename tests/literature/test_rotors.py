@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.book.rotors import TWO_DISCS, at_4000, rotor
 from fem import solve_campbell
-from tests.literature.book.rotors import TWO_DISCS, at_4000, rotor
 
 
 @pytest.mark.parametrize("kz", [1e6, 0.8e6])

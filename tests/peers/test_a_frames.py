@@ -6,18 +6,18 @@ import re
 import numpy as np
 import pytest
 
+from benchmarks.independent.convert import convert
 from dovetail import load_study
-from dovetail.pipeline import fit_problem
 from tests.conftest import ROOT
-from tests.independent.convert import convert
 from tests.peers.interpreter import run_peers
-from updating.inference.fitting import assessed_fit
+from tests.studies import fit_problem
+from updating import assessed_fit
 
 pytestmark = [pytest.mark.peer, pytest.mark.slow]
 SHARED = ROOT.parent / "shared" / "data" / "independent-cases" / "truth.json"
 
 FREQUENCIES = """
-from tests.independent.a_frames import Hidden, Mesh, free_motions, matrices_of
+from benchmarks.independent.a_frames import Hidden, Mesh, free_motions, matrices_of
 from scipy.linalg import eigvalsh
 import json, math
 out = []
@@ -41,7 +41,7 @@ def test_it_is_the_shared_structure():
 
 
 def test_no_more_than_noise_is_left_of_one_with_nothing_hidden(tmp_path):
-    run_peers("-m", "tests.independent.a_frames", str(tmp_path), "a-frame-nothing")
+    run_peers("-m", "benchmarks.independent.a_frames", str(tmp_path), "a-frame-nothing")
     case, study = tmp_path / "a-frame-nothing", tmp_path / "study.toml"
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))
     text = convert(nominal, case, study)

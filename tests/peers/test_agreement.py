@@ -24,8 +24,7 @@ from benchmarks.peers.exchange import (
     run,
     with_changes,
 )
-from fem import assemble, solve_modes
-from fem.system import sum_contributions
+from fem import assemble, solve_modes, sum_contributions
 from tests.peers.frames import EPS, blocks, forces_of_uniform_loads, magnitudes, peer_frame, single_member
 
 pytestmark = pytest.mark.peer

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.independent.convert import convert
 from dovetail import load_study
-from dovetail.pipeline import fit_problem
-from tests.independent.convert import convert
 from tests.peers.interpreter import run_peers
-from updating.inference.fitting import assessed_fit
+from tests.studies import fit_problem
+from updating import assessed_fit
 
 pytestmark = pytest.mark.peer
 
@@ -17,9 +17,9 @@ CANTILEVER = """
 import json
 from dataclasses import replace
 import numpy as np
-from tests.independent.bodies import Bar
-from tests.independent.foreign.bench import Bench, Hidden
-from tests.independent.foreign.structure import connection_of, member_of, read
+from benchmarks.independent.bodies import Bar
+from benchmarks.independent.foreign.bench import Bench, Hidden
+from benchmarks.independent.foreign.structure import connection_of, member_of, read
 tframe = read()["tframe"]
 given = {"start": [0.0, 0.0, 0.0], "axis": "x", "length": 0.6, "b": 0.03, "h": 0.01, "angle": 35.0}
 members = {"A": member_of("A", given, {})}
@@ -37,9 +37,9 @@ import numpy as np
 from scipy.linalg import eigvalsh
 from benchmarks.peers.drive_pynite import compute
 from benchmarks.peers.exchange import EULER_BERNOULLI, PeerFrame
-from tests.independent.foreign.bench import Bench, Hidden
-from tests.independent.foreign.parts import constants
-from tests.independent.foreign.structure import E, NU, RHO, read
+from benchmarks.independent.foreign.bench import Bench, Hidden
+from benchmarks.independent.foreign.parts import constants
+from benchmarks.independent.foreign.structure import E, NU, RHO, read
 mast = read()["mast"]
 bench = Bench(mast)
 (body,) = mast.bodies
@@ -78,11 +78,11 @@ print(json.dumps({key: value.tolist() for key, value in out.items()}))
 SPOTS = """
 import json
 import numpy as np
-from tests.independent import bodies
-from tests.independent.foreign.bench import Bench, Hidden
-from tests.independent.foreign.parts import Place
-from tests.independent.foreign.real import Instruments, off_axis
-from tests.independent.foreign.structure import FRESH, STRUCTURES, read
+from benchmarks.independent import bodies
+from benchmarks.independent.foreign.bench import Bench, Hidden
+from benchmarks.independent.foreign.parts import Place
+from benchmarks.independent.foreign.real import Instruments, off_axis
+from benchmarks.independent.foreign.structure import FRESH, STRUCTURES, read
 
 def moved(x):
     return np.array([0.1, 0.2, 0.3]) + np.cross([1.0, -2.0, 0.5], x.T)
@@ -132,9 +132,9 @@ NOTHING = """
 import sys
 from pathlib import Path
 import numpy as np
-from tests.independent.casefiles import with_noise, write_files
-from tests.independent.foreign.bench import Bench, Hidden
-from tests.independent.foreign.structure import FURTHER, nominal_of, read
+from benchmarks.independent.casefiles import with_noise, write_files
+from benchmarks.independent.foreign.bench import Bench, Hidden
+from benchmarks.independent.foreign.structure import FURTHER, nominal_of, read
 structure, rng = read(FURTHER)["{name}"], np.random.default_rng([0, 0])
 H = with_noise(Bench(structure).accelerances(Hidden()), rng)
 write_files(Path("{folder}"), nominal_of("{name}", structure, rng), structure.frequency, H)
@@ -144,8 +144,8 @@ EXACT = """
 import json
 import numpy as np
 from types import SimpleNamespace
-from tests.independent.foreign.bench import Bench, Hidden
-from tests.independent.foreign.structure import {file}, nominal_of, read
+from benchmarks.independent.foreign.bench import Bench, Hidden
+from benchmarks.independent.foreign.structure import {file}, nominal_of, read
 structure = read({file})["{name}"]
 nominal = nominal_of("{name}", structure, SimpleNamespace(uniform=lambda low, high: 0.0))
 frequency = Bench(structure).frequencies(Hidden())
@@ -187,7 +187,7 @@ def test_the_mast_agrees_with_a_third_code_and_the_reduction_with_full_matrices(
 @pytest.mark.slow
 def test_a_case_is_complete_and_its_model_comes_near_the_noise(tmp_path):
     """Beams of another program, joints off by 10 %, E and ρ by 2 %: fitted, no more than noise is left."""
-    command = ("-m", "tests.independent.foreign", str(tmp_path), "--structures", "cycle", "--cases", "2")
+    command = ("-m", "benchmarks.independent.foreign", str(tmp_path), "--structures", "cycle", "--cases", "2")
     run_peers(*command, "--seed", "1")
     truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
     (name,) = (k for k, t in truth.items() if t["sort"] == "nothing")
@@ -247,7 +247,7 @@ def test_a_test_that_is_not_as_described_acts_as_the_same_masses_springs_and_pla
 def test_a_real_test_leaves_other_cases_and_what_is_hidden_as_they_are(tmp_path):
     def made(folder, *more):
         arguments = ("--structures", "tower", "--seed", "3", "--cases", "3", *more)
-        run_peers("-m", "tests.independent.foreign", str(tmp_path / folder), *arguments)
+        run_peers("-m", "benchmarks.independent.foreign", str(tmp_path / folder), *arguments)
         truth = json.loads((tmp_path / folder / "truth.json").read_text(encoding="utf-8"))
         return truth, {name: (tmp_path / folder / name / "frf.uff").read_bytes() for name in truth}
 
@@ -263,7 +263,7 @@ def test_a_real_test_leaves_other_cases_and_what_is_hidden_as_they_are(tmp_path)
 
 @pytest.mark.slow
 def test_cases_of_modes_are_studies_with_what_their_truth_says(tmp_path):
-    command = ("-m", "tests.independent.foreign.modes", str(tmp_path), "--structures", "tower")
+    command = ("-m", "benchmarks.independent.foreign.modes", str(tmp_path), "--structures", "tower")
     run_peers(*command, "--seed", "3", "--cases", "10")
     truth = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
     assert 1 <= sum(t["effects"][0]["type"] == "none" for t in truth.values()) <= 3
@@ -286,7 +286,15 @@ def test_cases_of_modes_are_studies_with_what_their_truth_says(tmp_path):
 @pytest.mark.parametrize("structure", ["mast", "tower"])
 def test_a_seed_makes_the_same_files_and_a_stopped_run_goes_on(structure, tmp_path):
     def made(folder, n):
-        command = ("-m", "tests.independent.foreign", str(folder), "--structures", structure, "--seed", "3")
+        command = (
+            "-m",
+            "benchmarks.independent.foreign",
+            str(folder),
+            "--structures",
+            structure,
+            "--seed",
+            "3",
+        )
         run_peers(*command, "--cases", str(n))
         files = (p for p in folder.rglob("*") if p.is_file())
         return {p.relative_to(folder): p.read_bytes() for p in files}

@@ -12,8 +12,7 @@ import pytest
 from benchmarks.peers.exchange import PEERS_PYTHON
 from fem import Damping, assemble, compute_frf
 from tests.frames import STEEL, beam, fix
-from updating import Sensor
-from updating.measurement.measurement import BaseMotion, sensor_rows, with_moving_base
+from updating import BaseMotion, Sensor, sensor_rows, with_moving_base
 
 pytestmark = pytest.mark.peer
 

@@ -10,8 +10,7 @@ import scipy.linalg as sla
 
 from benchmarks.peers.drive_dovetail import compute, model_of
 from benchmarks.peers.exchange import PeerFrame, run, with_changes
-from fem import assemble, solve_modes
-from fem.system import sum_contributions
+from fem import assemble, solve_modes, sum_contributions
 from tests.peers.frames import peer_frame, random_releases, single_member
 from tests.peers.test_agreement import assert_statics_agree
 

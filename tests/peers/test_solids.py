@@ -5,18 +5,18 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.independent.convert import convert
 from dovetail import load_study
-from dovetail.pipeline import fit_problem
-from tests.independent.convert import convert
 from tests.peers.interpreter import run_peers
-from updating.inference.fitting import assessed_fit
+from tests.studies import fit_problem
+from updating import assessed_fit
 
 pytestmark = [pytest.mark.peer, pytest.mark.slow]
 
 DRIVER = """
 import json
 import numpy as np
-from tests.independent import bodies, solids
+from benchmarks.independent import bodies, solids
 bar = bodies.Bar((0.0, 0.0, 0.0), "y", 1.0, 0.03, 0.01)
 solid = bodies.bar_alone("B", bar, solids.Hidden())
 about = np.array([0.0, 0.5, 0.02])
@@ -109,7 +109,7 @@ def test_welded_bars_are_one_body(bar):
 
 @pytest.mark.slow
 def test_a_case_becomes_a_study_whose_model_comes_near(tmp_path):
-    run_peers("-m", "tests.independent.solids", str(tmp_path), "cross-nothing")
+    run_peers("-m", "benchmarks.independent.solids", str(tmp_path), "cross-nothing")
     assert json.loads((tmp_path / "truth.json").read_text(encoding="utf-8")).keys() == {"cross-nothing"}
     case, study = tmp_path / "cross-nothing", tmp_path / "study.toml"
     nominal = json.loads((case / "nominal.json").read_text(encoding="utf-8"))

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks.independent import by_evidence, table
+from benchmarks.independent.foreign.parts import PIECES
+from benchmarks.independent.foreign.structure import NAMED, STRUCTURES, read
 from benchmarks.validation.calibration import read_records
 from benchmarks.validation.evidence import at_truth
-from tests.independent import by_evidence, table
-from tests.independent.foreign.parts import PIECES
-from tests.independent.foreign.structure import NAMED, STRUCTURES, read
 
 
 def candidate(kind, where, **parameters):

@@ -18,12 +18,12 @@ from fem import (
     MemberProperties,
     Mesh,
     Model,
+    Role,
     Section,
     Support,
     assemble,
     compute_frf,
 )
-from fem.declarations import Role
 from updating import EFFECT, Measurement, Nuisance, Sensor, diagnose, propose
 from viz.markers import COLOURS, SHAPES
 

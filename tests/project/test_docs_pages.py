@@ -43,8 +43,9 @@ def test_commands_run_beside_the_page(tmp_path):
     assert "$ dovetail new begun\nbegun/study.toml is written" in page
     assert page.endswith("![X](page/study.toml)\n")
     assert not (FRAME / "begun").exists()
+    other = text.replace("new begun", "--version").format("other.png")
     with pytest.raises(pages.PageError, match="no command has written"):
-        pages.expand(text.format("other.png"), tmp_path / "other.md", ROOT)
+        pages.expand(other, tmp_path / "other.md", ROOT)
 
 
 def test_a_command_that_fails_ends_the_build(tmp_path):
@@ -136,7 +137,7 @@ def test_the_tutorial_finds_the_hidden_effect(tmp_path, offscreen):
 
 
 def test_the_benchmark_book_has_a_table_of_each_source():
-    from tests.literature.book.shelf import SOURCES
+    from benchmarks.book.shelf import SOURCES
 
     text = (ROOT / "docs" / "benchmark-book.md").read_text(encoding="utf-8")
     assert sorted(pages.BOOK.findall(text)) == sorted([*SOURCES, "summary"])

@@ -157,22 +157,22 @@ def test_the_first_package_is_the_one_that_may_import_the_others(code, package):
 
 
 def test_every_file_of_the_packages_counts(tmp_path, monkeypatch):
-    for name in (*stored.PACKAGES, "docs/make", "tests/literature"):
+    for name in (*stored.PACKAGES, "docs/make", "benchmarks/book"):
         (tmp_path / name).mkdir(parents=True)
     monkeypatch.setattr(stored, "ROOT", tmp_path)
 
     def changed(name, text):
-        """Return which hashes a file changes: those of dovetail, of fem, and with the tests."""
+        """Return which hashes a file changes: those of dovetail, of fem, and with the benchmark book."""
         before = [of() for of in hashes]
         (tmp_path / name).write_text(text)
         return [a != b for a, b in zip(before, (of() for of in hashes), strict=True)]
 
     of_program = stored.program.__wrapped__
-    hashes = [of_program, lambda: of_program("fem"), lambda: of_program(tests=True)]
+    hashes = [of_program, lambda: of_program("fem"), lambda: of_program(book=True)]
     assert changed("fem/a.py", "x = 1") == [True, True, True]
     assert changed("fem/a.py", "x = 1") == [False, False, False]
     assert changed("dovetail/page.css", "a") == [True, False, True]
-    assert changed("tests/literature/b.py", "a") == [False, False, True]
+    assert changed("benchmarks/book/b.py", "a") == [False, False, True]
     before = of_program()
     monkeypatch.setattr(stored, "environment", lambda: "scipy 2")
     assert of_program() != before

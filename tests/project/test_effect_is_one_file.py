@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from docs.make.effects import BLOCK, PAGES, TABLES, candidates, with_tables
-from fem.declarations import Entry
+from fem import Entry
 from fem.effects import candidate_kinds, effect_classes
 
 ROOT = Path(__file__).parents[2]
@@ -16,6 +16,9 @@ PACKAGES = ("fem", "updating", "joint", "viz", "dovetail")
 CLASSES = {cls.__name__ for cls in effect_classes().values()}
 KIND = re.compile(rf"(?<![\w.])({'|'.join(candidate_kinds())})(?=[:.]|$)")
 """A kind as a whole string, or before the place in the name of a candidate."""
+
+MENTION = re.compile(rf"\b({'|'.join([*CLASSES, *candidate_kinds()])})\b")
+"""What a file that names an effect has somewhere: others need not be parsed."""
 
 BUILDS = "makes what a study file states"
 
@@ -131,6 +134,8 @@ def docstrings(tree: ast.AST) -> set[int]:
 
 def named(code: str) -> Iterator[str]:
     """Yield the classes of effects that code imports, and the kinds of candidates in its strings."""
+    if not MENTION.search(code):
+        return
     tree = ast.parse(code)
     words = docstrings(tree)
     for node in ast.walk(tree):

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
+from benchmarks.fuzz import worker
 from fem.io import TableError
-from tests.fuzz import worker
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs Linux: /proc and fork")
 

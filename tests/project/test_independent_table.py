@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from tests.independent import table
-from tests.independent.summary import summarise
+from benchmarks.independent import table
+from benchmarks.independent.summary import summarise
 
 NOMINAL = {
     "joints": [{"name": "J", "member1": "U", "member2": "D"}],

@@ -19,9 +19,9 @@ from fem import (
     Section,
     assemble,
     compute_frf,
+    lever_matrix,
     solve_modes,
 )
-from fem.model import lever_matrix
 from fem.system import null_space
 from joint import Interface, coordinates_of, couple, joint_impedance, partition_frf, stack_substructures
 from tests.frames import FLAT, STEEL

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fem import InitialStrain, LineLoad, LoadCase, MemberForce, assemble, solve_static
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS, InitialStrain, LineLoad, LoadCase, MemberForce, assemble, solve_static
 from tests.frames import beam, fix, portal
 
 forces = st.tuples(*[st.floats(-1e3, 1e3)] * 3)

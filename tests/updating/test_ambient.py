@@ -8,10 +8,14 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from updating import AmbientError, identify_ambient
-from updating.ambient.correlations import Correlations, block_correlations
-from updating.ambient.record import prepare_record
-from updating.ambient.spectra import singular_spectra
-from updating.ambient.subspace import decompose, fit_orders
+from updating.ambient import (
+    Correlations,
+    block_correlations,
+    decompose,
+    fit_orders,
+    prepare_record,
+    singular_spectra,
+)
 
 RATE, ZETA, STIFFNESS = 40.0, 0.01, 1000.0
 N = 4

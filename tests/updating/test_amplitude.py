@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dovetail.file.config import load_study
+from dovetail import load_study
 from dovetail.pipeline import run
-from fem.analysis.harmonic_balance import Receptances, solve_steady
-from fem.effects.joint_nonlinear import JointCubic, JointFriction, JointGap
+from fem import parameter_values, solve_steady
+from fem.analysis.harmonic_balance import Receptances
+from fem.effects import JointCubic, JointFriction, JointGap
 from fem.io import write_npz
-from fem.model import parameter_values
 from tests.nonlinear import make_rig
 from tests.studies import study_file
 from updating import EFFECT, UNEXPLAINED, diagnose
-from updating.inference.unknowns import effect_unknowns
+from updating.inference import effect_unknowns
 
 COMMON = {"name": "e", "joint": "bolt", "direction": "z", "amplitude": 1e-5}
 ELEMENTS = {

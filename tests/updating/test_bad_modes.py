@@ -7,11 +7,17 @@ import pytest
 
 from fem import Section
 from tests.frames import FLAT, STEEL, beam, fix
-from updating import EFFECT, NOTHING, Nuisance, Sensor, place_sensors
-from updating.diagnosis.mode_diagnosis import diagnose_modes
-from updating.inference.mode_fit import n_below
-from updating.inference.mode_preparation import build_mode_problem
-from updating.inference.mode_targets import ModeTargets, match
+from updating import (
+    EFFECT,
+    NOTHING,
+    ModeTargets,
+    Nuisance,
+    Sensor,
+    build_mode_problem,
+    diagnose_modes,
+    place_sensors,
+)
+from updating.inference import match, n_below
 
 E = Nuisance("frame", "E:steel", 0.02)
 KINDS = ["support_flexibility", "point_mass", "member_stiffness"]
@@ -123,7 +129,7 @@ def test_forces_across_the_sensors_excite_nothing_that_these_see():
         cantilever((*sensors, *forces)), measured(1.01 * bending(4), sensors=sensors, driven=forces)
     )
     assert n_below(problem) == 0
-    assert n_below(replace(problem, targets=replace(problem.targets, driven=sensors))) == 4
+    assert n_below(replace(problem, data=replace(problem.targets, driven=sensors))) == 4
 
 
 def test_of_two_bending_modes_of_one_frequency_a_sensor_sees_one():
@@ -133,8 +139,8 @@ def test_of_two_bending_modes_of_one_frequency_a_sensor_sees_one():
     top = replace(targets, frequency=targets.frequency * 1.01)
     problem = build_mode_problem(model, top)
     assert n_below(problem) == 4
-    assert n_below(replace(problem, targets=replace(top, sensors=(*sensors, sensor("y"))))) == 8
-    assert n_below(replace(problem, targets=replace(top, sensors=(), plane="z"))) == 4
+    assert n_below(replace(problem, data=replace(top, sensors=(*sensors, sensor("y"))))) == 8
+    assert n_below(replace(problem, data=replace(top, sensors=(), plane="z"))) == 4
 
 
 def test_bending_frequencies_alone_are_not_paired_with_the_modes_that_come_near():

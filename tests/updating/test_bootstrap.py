@@ -9,8 +9,7 @@ from scipy.stats import norm
 from fem import Damping, ModelError, assemble, compute_frf, solve_modes
 from tests.frames import beam, fix, on_fine_mesh
 from tests.updating.test_update import textbook
-from updating import Unknown, UpdateSettings, update
-from updating.inference.bootstrap import BootstrapModel, refit
+from updating import BootstrapModel, Unknown, UpdateSettings, refit, update
 
 E, RHO = ("frame", "E:steel"), ("frame", "rho:steel")
 STD = 0.002

@@ -7,12 +7,8 @@ import pytest
 
 import fem
 from tests.noise import complex_normal
-from updating import Measurement, Sensor, place_sensors
-from updating.inference.fitting import fit_given
-from updating.inference.formed import formed_problem
-from updating.inference.scatter import channel_scatter
-from updating.measurement.channel_errors import ChannelErrors
-from updating.measurement.computed import computed_frf
+from updating import ChannelErrors, Measurement, Sensor, computed_frf, place_sensors
+from updating.inference import channel_scatter, fit_given, formed_problem
 
 LINES = np.arange(5.0, 400.0, 1.5)
 STEEL = fem.Material("steel", 210e9, 7850.0)

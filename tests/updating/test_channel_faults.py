@@ -8,11 +8,16 @@ import pytest
 from fem import FRF, Damping, assemble, compute_frf
 from tests.frames import beam, fix
 from tests.noise import complex_normal
-from updating import Fault, Measurement, Sensor, build_problem, find_faults
-from updating.inference.fitting import assessed_fit
-from updating.measurement.measurement import sensor_rows
-from updating.quality.corrections import corrected, mirrored, mirrored_fault, set_right, uncorrected
-from updating.quality.signs import log_odds, reversed_channels
+from updating import Fault, Measurement, Sensor, assessed_fit, build_problem, find_faults, sensor_rows
+from updating.quality import (
+    corrected,
+    log_odds,
+    mirrored,
+    mirrored_fault,
+    reversed_channels,
+    set_right,
+    uncorrected,
+)
 
 LINES = np.arange(4.0, 400.0, 2.0)
 PLACES = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]

@@ -7,21 +7,22 @@ import numpy as np
 import pytest
 
 from fem import assemble, compute_frf, solve_modes
-from fem.effects.sprung_mass import SprungMass
+from fem.effects import SprungMass
 from fem.io import read_frf, write_npz
 from tests.frames import beam, fix
-from updating import Measurement, MeasurementError, Sensor, StrainGauge, place_sensors
-from updating.measurement.computed import computed_frf
-from updating.measurement.measurement import (
-    MOTION,
+from updating import (
     BaseMotion,
-    Combination,
-    motions_of,
+    Measurement,
+    MeasurementError,
+    Sensor,
+    StrainGauge,
+    computed_frf,
+    place_sensors,
     sensor_rows,
-    shapes_like_motions,
     with_moving_base,
 )
-from updating.quality.phase import driven_points, phase_evidence
+from updating.measurement import MOTION, Combination, motions_of, shapes_like_motions
+from updating.quality import driven_points, phase_evidence
 
 X, Z = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
 TIP, MIDDLE = np.array([1.0, 0, 0]), np.array([0.37, 0, 0])

@@ -10,10 +10,8 @@ from fem import PointMass
 from tests.noise import complex_normal
 from tests.updating.test_channel_errors import bent, described, measured
 from updating import Fault, Measurement, diagnose
-from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
-from updating.diagnosis.evidence.readings import log_prior
-from updating.inference.fitting import fit_given
-from updating.inference.formed import formed_problem
+from updating.diagnosis.evidence import log_prior, without_effects_of_channels
+from updating.inference import fit_given, formed_problem
 from updating.quality.channel_faults import channel_faults
 
 SENSORS, FORCES = described()

@@ -7,10 +7,7 @@ from hypothesis import strategies as st
 
 from fem import FRF
 from tests.noise import complex_normal
-from updating.modal import condensed_lines
-from updating.modal.condensed_lines import N_NODES, condense_lines
-from updating.modal.modal_fit import ModalFitData
-from updating.modal.refinement import fit_modes
+from updating.modal import N_NODES, ModalFitData, condense_lines, condensed_lines, fit_modes
 
 
 def term(omega, pole, power):

@@ -5,15 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.hidden.cases import make_case
+from benchmarks.hidden.cases import make_case
 from tests.noise import complex_normal
 from tests.updating.test_evidence_blocks import hiding
 from updating import build_problem, propose
-from updating.diagnosis.evidence.absence import gains_without, left_out
-from updating.diagnosis.evidence.halving import Damped
-from updating.diagnosis.evidence.hypothesis import values_of
-from updating.diagnosis.evidence.search import Search
-from updating.inference.damped import LEAST_INSIDE, Continuation, damped
+from updating.diagnosis.evidence import Damped, Search, gains_without, left_out, values_of
+from updating.inference import LEAST_INSIDE, Continuation
+from updating.inference.damped import damped
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +135,7 @@ def soft(problem):
 def test_far_from_the_data_the_soft_connection_is_found(soft):
     search, base, hidden = soft
     assert search.fits.is_far(base)
-    assert Damped(search.fits.free(base), base.fitted).for_look() is not None
+    assert Damped(search.fits.free(base).damped_frfs(), base.fitted).for_look() is not None
     best = max(search.extended(base, set()), key=lambda h: h.score)
     assert best.key == {hidden.name}
     assert best.effects[0].stiffness == pytest.approx(hidden.stiffness, rel=0.05)
@@ -166,5 +164,5 @@ def test_lines_too_far_apart_for_the_resonances_are_not_damped(soft):
     data = replace(free.data, H=1.2 * free.receptance(base.fitted))
     names = "frequency", "H", "mask", "noise", "weight", "held_out"
     sparse = replace(data, **{name: getattr(data, name)[::40] for name in names})
-    assert Damped(replace(free, data=data), base.fitted).at(0.004) is not None
-    assert Damped(replace(free, data=sparse), base.fitted).at(0.004) is None
+    assert Damped(replace(free, data=data).damped_frfs(), base.fitted).at(0.004) is not None
+    assert Damped(replace(free, data=sparse).damped_frfs(), base.fitted).at(0.004) is None

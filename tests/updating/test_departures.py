@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 import fem
-from dovetail.report.words import departure_text
+from dovetail.report import departure_text
 from dovetail.result import channels_of
 from tests.frames import cross_beam
 from tests.updating.test_channel_errors import bent, described, measured
-from updating import Measurement, Sensor, diagnose
-from updating.diagnosis.departures import departed, departures
-from updating.inference.belief import FAR_STD, FORM_ZONE
-from updating.inference.formed import formed_problem
-from updating.measurement.computed import computed_frf
+from updating import Measurement, Sensor, computed_frf, diagnose
+from updating.diagnosis import departed
+from updating.diagnosis.departures import departures
+from updating.inference import FAR_STD, FORM_ZONE, formed_problem
 
 
 @pytest.fixture(scope="module")

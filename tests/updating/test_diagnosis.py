@@ -10,14 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import FRF, Frame
-from tests.hidden.cases import make_case
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, build_problem, diagnose
 from updating.diagnosis import begin
 from updating.diagnosis.diagnose import _of_posterior
-from updating.inference import formed, preparation
-from updating.inference.bases import BASIS_SHARE
+from updating.inference import BASIS_SHARE, formed, preparation
 
 
 def run(case, **options):

@@ -3,21 +3,14 @@
 import numpy as np
 import pytest
 
-from fem import assemble
-from fem.analysis.modes import first_modes
-from fem.declarations import Environment
-from fem.effects import candidate_kinds, effect_classes
-from fem.effects.plane import Plane
-from fem.effects.spin import Spin
+from fem import Environment, assemble, first_modes
+from fem.effects import Plane, Spin, candidate_kinds, effect_classes
 from tests.frames import cross_beam
 from tests.updating.test_evidence_modes import E, cantilever
-from updating import propose
-from updating.diagnosis.candidates import admitted, situated, unstated
-from updating.diagnosis.evidence.hypothesis import Odds
-from updating.diagnosis.evidence.places import place_of
-from updating.diagnosis.mode_diagnosis import diagnose_modes
-from updating.inference.belief import EFFECT_ODDS, UNSTATED
-from updating.inference.mode_targets import ModeTargets
+from updating import ModeTargets, diagnose_modes, propose
+from updating.diagnosis import admitted, situated, unstated
+from updating.diagnosis.evidence import Odds, place_of
+from updating.inference import EFFECT_ODDS, UNSTATED
 
 
 def kinds_of(*args, **more):

@@ -5,16 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from fem.effects import JointStiffness
 from tests.frames import cross_beam
-from tests.hidden.cases import make_case
 from updating import build_problem, propose
-from updating.diagnosis.evidence.blocks import Blocks
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, n_changes, values_of
-from updating.diagnosis.evidence.screening import Grid, look_at
-from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.evidence.shortlist import linear_gains
-from updating.inference.fitting import FULL_LINES, fit
+from updating.diagnosis.evidence import (
+    Blocks,
+    Hypothesis,
+    Odds,
+    Search,
+    best_starts,
+    look_at,
+    n_changes,
+    values_of,
+)
+from updating.forecast import Forecast, Grid
+from updating.inference import FULL_LINES
+from updating.inference.fitting import fit
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +58,7 @@ def test_a_weak_effect_begins_at_its_value(problem):
     known = hiding(problem, [hidden])
     look = look_at(known, known.nominal())
     grid = Grid.of(known, heavier)
-    cost, start = look.best_starts(grid)[-1]
+    cost, start = best_starts(look, grid)[-1]
     # The density of the material is uncertain, and takes a part of it.
     (values,) = start.values
     assert values["change"] == pytest.approx(0.004, rel=0.1)
@@ -71,7 +78,7 @@ def test_the_gain_of_a_weak_effect_is_that_of_its_fit(problem):
     (heavier, *_) = propose(problem.reduced.model, ["member_density"])
     known = hiding(problem, [heavier.with_values(change=0.004)])
     without = fit(known, n_lines=FULL_LINES)
-    (gain,) = linear_gains(known, without, [Grid.of(known, heavier)])
+    (gain,) = Forecast.at(known, without, [heavier]).best_gains
     there = fit(known, [heavier], [{"change": 0.004}], n_lines=FULL_LINES, x_from=without)
     risen = log_posterior(known, there) - log_posterior(known, without)
     assert risen > 1

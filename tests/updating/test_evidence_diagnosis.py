@@ -3,13 +3,13 @@
 import pytest
 
 from dovetail import load_study
-from dovetail.file.contents import measured, without_held_out
+from dovetail.file import without_held_out
+from dovetail.file.contents import measured
 from tests.frames import write_study
 from updating import EFFECT, NOTHING, UNEXPLAINED, diagnose, propose
-from updating.diagnosis.evidence.diagnosis import search_by_evidence
-from updating.diagnosis.evidence.search import Search
-from updating.inference.belief import TWIN_NATS
-from updating.inference.workers import ALONE, workers
+from updating.diagnosis.evidence import Search, search_by_evidence
+from updating.inference import ALONE, TWIN_NATS
+from updating.inference.workers import workers
 
 
 def asked(folder, mass):

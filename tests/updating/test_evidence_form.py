@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from fem import Section, assemble, solve_modes
-from fem.effects.clamp_form import ClampForm
-from fem.effects.section_form import SectionForm
-from fem.effects.zone_form import ZoneForm
+from fem.effects import ClampForm, SectionForm, ZoneForm
 from tests.frames import FLAT, STEEL, beam, fix, frequencies, portal
-from updating.inference.form import form_of
+from updating.inference import form_of
 
 
 def tip_compliance(model, direction):

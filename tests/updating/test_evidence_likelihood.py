@@ -7,22 +7,17 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from benchmarks.hidden.cases import make_case
 from dovetail import load_study
 from dovetail.pipeline import fit_problem
-from fem.effects.member_damping import MemberDamping
-from fem.reduction.local_changes import LocalChanges
+from fem.effects import MemberDamping
+from fem.reduction import LocalChanges
 from tests.frames import write_study
-from tests.hidden.cases import make_case
 from tests.noise import complex_normal
-from updating import build_problem
-from updating.diagnosis.evidence.hypothesis import Start
-from updating.diagnosis.evidence.ranking import FrfRanking
-from updating.diagnosis.evidence.search import Search
-from updating.inference.belief import FORM_DAMPING, FORM_MODES
-from updating.inference.fitting import assessed_fit, with_seen_noise
-from updating.inference.preparation import direct_responses
-from updating.inference.scatter import scatter_of
-from updating.least_squares.levels import Levels
+from updating import assessed_fit, build_problem
+from updating.diagnosis.evidence import FrfRanking, Search, Start
+from updating.inference import FORM_DAMPING, FORM_MODES, direct_responses, scatter_of
+from updating.least_squares import Levels
 
 NOISE = 0.02
 """Standard deviation of ln|H| and of the phase [-, rad]."""
@@ -78,7 +73,7 @@ def test_noise_is_reduced_to_that_of_neighbouring_residuals(problem, fitted, sta
     H, rng = problem.receptance(fitted), np.random.default_rng(8)
     H = H * np.exp(NOISE * complex_normal(rng, H.shape))
     data = replace(problem.data, H=H, noise=np.full(H.shape, stated * NOISE))
-    found = with_seen_noise(replace(problem, data=data), fitted).data
+    found = replace(problem, data=data).with_seen_noise(fitted).data
     np.testing.assert_allclose(found.noise, believed * NOISE, rtol=0.1)
 
 

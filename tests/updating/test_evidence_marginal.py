@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from fem import PointMass
-from updating.inference.effect_priors import log_occam_factor
+from updating.inference import Quadratic, by_size, log_evidence, log_occam_factor
 from updating.inference.fitting import _density
-from updating.inference.marginal import Quadratic, by_size, log_evidence
 
 
 def test_evidence_of_a_linear_model_is_exact():

@@ -3,15 +3,22 @@
 import numpy as np
 import pytest
 
-from fem import PointMass, assemble
-from fem.analysis.modes import first_modes
+from fem import PointMass, assemble, first_modes
 from tests.frames import beam, fix
-from updating import EFFECT, NOTHING, Nuisance, Sensor, place_sensors, propose
-from updating.diagnosis.mode_diagnosis import diagnose_modes
-from updating.inference.mode_preparation import build_mode_problem
-from updating.inference.mode_targets import ModeTargets, match
-from updating.least_squares.mode_levels import ModeLevels
-from updating.measurement.measurement import sensor_rows
+from updating import (
+    EFFECT,
+    NOTHING,
+    ModeTargets,
+    Nuisance,
+    Sensor,
+    build_mode_problem,
+    diagnose_modes,
+    place_sensors,
+    propose,
+    sensor_rows,
+)
+from updating.inference import match
+from updating.least_squares import ModeLevels
 
 E = Nuisance("frame", "E:steel", 0.02)
 SENSORS = tuple(

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from dovetail.file.contents import measured, without_held_out
-from dovetail.report.probable import label_of
+from dovetail.file import without_held_out
+from dovetail.file.contents import measured
+from dovetail.report import label_of
 from tests.frames import write_study
 from updating import EFFECT, FAULT, Fault, diagnose
 from updating.diagnosis import begin
-from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
-from updating.inference.belief import EFFECT_ODDS
-from updating.inference.fit_data import FitData
+from updating.diagnosis.evidence import as_read, doubtful, log_prior
+from updating.inference import EFFECT_ODDS, FitData
 from updating.inference.fitting import refit
-from updating.quality.corrections import corrected
+from updating.quality import corrected
 
 GAIN = Fault("sensor_gain", "K", 1.3, 0.013, span=6.0)
 SIGN = Fault("sensor_sign", "T", -1.0, 0.0)

@@ -2,11 +2,10 @@
 
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from fem import PointMass
-from tests.hidden.cases import make_case
 from updating import build_problem, propose
-from updating.diagnosis.evidence.places import place_of, places_of
-from updating.diagnosis.evidence.scan import Scan
+from updating.diagnosis.evidence import Scan, place_of, places_of
 
 
 @pytest.fixture(scope="module")

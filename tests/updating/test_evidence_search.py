@@ -8,17 +8,22 @@ import numpy as np
 import pytest
 
 from fem import PointMass
-from fem.effects import SupportFlexibility
-from fem.effects.rigid_end_zone import RigidEndZone
-from fem.effects.support_shift import SupportShift
+from fem.effects import RigidEndZone, SupportFlexibility, SupportShift
 from updating import FitResult
+from updating.diagnosis.evidence import (
+    N_STARTS,
+    NORMAL,
+    QUICK_STEPS,
+    SHORT_STEPS,
+    Fits,
+    Promised,
+    Search,
+    Start,
+    near_to,
+)
 from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
-from updating.diagnosis.evidence.budget import NORMAL
-from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
-from updating.diagnosis.evidence.hypothesis import Start, near_to
-from updating.diagnosis.evidence.search import Search
-from updating.inference.workers import ALONE
+from updating.inference import ALONE
 
 
 @dataclass(frozen=True)
@@ -148,20 +153,20 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(far, steps):
 
 def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     """Looks promised dampers 16 nats, and fits gained none: reports gave them half of the probability."""
-    monkeypatch.setattr(module, "FitProblem", SimpleNamespace)
     reached = {"a": -2.0, "b": -4.0}
     fits = SimpleNamespace(
         problems=lambda base: (None, None),
         is_far=lambda base: False,
-        ranking=SimpleNamespace(breadth=4),
+        ranking=SimpleNamespace(breadth=4, precise_looks=True),
         shortly=lambda quick, effects, starts, steps: [Given(effects[0].name, reached[effects[0].name])],
         continued=lambda quick, short: short[0],
         pruned=lambda quick, h, base: h,
     )
     search, base = object.__new__(Search), Given("", 0.0)
     search.candidates, search.tell, search.budget, search.workers = (), print, NORMAL, ALONE
-    search.fits, search.known, search.promised = fits, {base.key: base}, {}
+    search.fits, search.known = fits, {base.key: base}
     looks = {"a": 16.0, "b": 12.0, "c": -50.0}
+    search.promised = {frozenset({k}): Promised(tuple(Given(k, 0.0).effects), w) for k, w in looks.items()}
     asked = [
         module.NextHypotheses(tuple(Given(k, 0.0).effects), [Start({}, None)] if w > 0 else [], w, False)
         for k, w in looks.items()
@@ -169,7 +174,6 @@ def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     monkeypatch.setattr(Search, "proposals", lambda self, base, quick: asked)
     monkeypatch.setattr(Search, "settled", lambda self, h: True)
     monkeypatch.setattr(Search, "explains", lambda self, h: True)
-    monkeypatch.setattr(Search, "_likely_worth", lambda self, base, p: p.worth)
     search.from_near(base, SimpleNamespace(), now=0.0)
     assert {p.effects[0].name: p.score for p in search.promises()} == {**looks, **reached}
 

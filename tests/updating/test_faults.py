@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.hidden.cases import make_case
 from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import FRF
-from tests.hidden.cases import make_case
 from updating import (
     Fault,
+    assessed_fit,
     build_problem,
     check_gates,
     confirm_faults,
@@ -19,11 +20,7 @@ from updating import (
     noise_from_repeats,
     settle_faults,
 )
-from updating.inference.fitting import assessed_fit
-from updating.quality.corrections import combined, corrected, uncorrected
-from updating.quality.cross_prediction import Field, cross_predict
-from updating.quality.fault_hypotheses import valued
-from updating.quality.sensor_faults import best_azimuth
+from updating.quality import Field, best_azimuth, combined, corrected, cross_predict, uncorrected, valued
 
 
 def changed(case, change):
@@ -44,6 +41,12 @@ def prepared(case):
 def lap():
     """A case with nothing hidden: 12 sensors, 2 forces."""
     return make_case(5)
+
+
+@pytest.fixture(scope="module")
+def lap_fit(lap):
+    """The problem of that case and its fit."""
+    return prepared(lap)
 
 
 def scale(where, factor):
@@ -85,7 +88,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_fault_is_named_placed_and_valued_and_no_other_is(lap, name):
+def test_a_fault_is_named_placed_and_valued_and_no_other_is(lap, lap_fit, name):
     # At 200 lines and 2 forces the mean of ln|y/p| has a deviation near 0.03/√400 = 0.0015 for predictions
     # good to 3 %; a gain within 1 % is some six of it, a delay within 1e-6 s is 0.009 rad at the top.
     change, kind, index, value, error = CASES[name]
@@ -99,7 +102,7 @@ def test_a_fault_is_named_placed_and_valued_and_no_other_is(lap, name):
     assert not error or abs(fault.value - value) < 6 * max(fault.std, 0.1 * error)
     assert fault.other == (names[1] if kind == "sensor_swap" else "")
     # What is left is what the sound measurement leaves, but for the error of the correction.
-    assert null.level < 1.1 * prepared(lap)[1].level
+    assert null.level < 1.1 * lap_fit[1].level
     assert [f.kind for f in confirm_faults(problem, faults, null)] == [kind]
 
 
@@ -184,8 +187,8 @@ def test_the_field_is_the_fitted_models_where_connections_are_damped_otherwise()
     assert np.abs(np.log(np.abs(expected / alike))).max() > 0.1  # the joint's damping is seen
 
 
-def test_corrections_can_be_taken_back(lap):
-    problem, _ = prepared(lap)
+def test_corrections_can_be_taken_back(lap, lap_fit):
+    problem, _ = lap_fit
     names = lap.measurement.frf.outputs
     d = lap.measurement.sensors[5].direction
     faults = (
@@ -212,7 +215,7 @@ def by_level(problem, faults):
     return -500 * np.log(assessed_fit(problem).level) - 10 * len(faults)
 
 
-def test_a_fault_that_is_withdrawn_leaves_the_data_as_they_were_read(lap):
+def test_a_fault_that_is_withdrawn_leaves_the_data_as_they_were_read(lap, lap_fit):
     """One sensor was set right that had nothing wrong, another by less than it was off."""
     names = lap.measurement.frf.outputs
     case = changed(lap, scale(ROW, 1.2))
@@ -228,13 +231,13 @@ def test_a_fault_that_is_withdrawn_leaves_the_data_as_they_were_read(lap):
     np.testing.assert_allclose(settled.data.H[:, 4], problem.data.H[:, 4] / fault.value, rtol=1e-12)
     assert result.level < before.level
     # As good as where nothing was wrong, but for the gain's error: at most 1 % of one sensor in twelve.
-    assert result.level < 1.01 * prepared(lap)[1].level
+    assert result.level < 1.01 * lap_fit[1].level
 
 
-def test_two_faults_that_cancel_are_none(lap):
+def test_two_faults_that_cancel_are_none(lap, lap_fit):
     """A delay that was taken for a fault before an effect was found, and taken back after it."""
     names = lap.measurement.frf.outputs
-    problem, null = prepared(lap)
+    problem, null = lap_fit
     there, back = (Fault("sensor_delay", names[3], value, 2e-7, "s") for value in (2e-5, -2e-5))
     settled, result, left = settle_faults(problem, null, (there, back), by_level)
     assert left == ()
@@ -255,8 +258,8 @@ def test_faults_of_one_kind_at_one_sensor_are_one():
     assert combined((gain, swap, more)) == (gain, swap, more)
 
 
-def test_gates_see_reciprocity_force_levels_and_the_worst_sensor(lap):
-    problem, null = prepared(lap)
+def test_gates_see_reciprocity_force_levels_and_the_worst_sensor(lap, lap_fit):
+    problem, null = lap_fit
     sound = check_gates(problem, null, [lap.measurement], 0.4)
     (pair,) = sound.reciprocity
     assert not pair.violated

@@ -8,13 +8,13 @@ import pytest
 import scipy.linalg as sla
 
 from dovetail import result
-from dovetail.report.sections.mode_shapes import mode_heading
+from dovetail.report import mode_heading
 from fem import Damping, Joint, assemble
 from fem.effects import JointStiffness
 from fem.system import connection_stiffness
 from tests.frames import cross_beam
-from updating.diagnosis.fitted_modes import FittedModePair, damped_modes, most_changed
-from updating.inference.parameters import DampingCurve
+from updating import DampingCurve
+from updating.diagnosis import FittedModePair, damped_modes, most_changed
 
 CURVE = DampingCurve(np.array([40.0, 1200.0]), np.array([0.003, 0.003]), 0.5, connections=True)
 

@@ -10,14 +10,15 @@ from fem import PointMass
 from tests.frames import write_study
 from updating import Nuisance
 from updating.correlation import log_ratio
-from updating.diagnosis.carried import Between, carried_over
-from updating.diagnosis.frf_states import (
+from updating.diagnosis import (
     ONE_STRUCTURE,
+    Between,
     calibrate_frfs,
+    carried_over,
     changed_frf_problem,
     poor_baseline,
 )
-from updating.inference.fit_data import MODEL_ERROR
+from updating.inference import MODEL_ERROR
 
 COMMON = PointMass(name="common", member="post", position=0.31, mass=0.08)
 """In both states: the model does not have it."""

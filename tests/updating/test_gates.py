@@ -5,18 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import StudyError
-from dovetail.file.config import load_study
+from benchmarks.hidden.cases import make_case
+from dovetail import StudyError, load_study
 from fem import FRF
-from fem.io import read_uff, write_uff
-from fem.io.uff_types import Function
-from tests.hidden.cases import make_case
+from fem.io import Function, read_uff, write_uff
 from tests.studies import study_file
-from updating import Fault, MeasurementError, Reciprocity, build_problem, check_gates
-from updating.diagnosis.amplitude import force_levels
-from updating.inference.fitting import assessed_fit
-from updating.measurement.measurement import at_values_of
-from updating.quality.gates import reciprocity_check, with_last_faults
+from updating import Fault, MeasurementError, Reciprocity, assessed_fit, build_problem, check_gates
+from updating.diagnosis import force_levels
+from updating.measurement import at_values_of
+from updating.quality import reciprocity_check, with_last_faults
 
 AVERAGES = 25
 

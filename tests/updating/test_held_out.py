@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from updating import MeasurementError
-from updating.measurement.held_out import band_of, band_text, held_out_lines
+from updating.measurement import band_of, band_text, held_out_lines
 
 FREQUENCY = np.arange(10.0, 210.0)
 ends = st.floats(0, 1e5).map(lambda x: float(f"{x:.6g}"))

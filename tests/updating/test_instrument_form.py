@@ -5,18 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail.report.words import departure_text
+from dovetail.report import departure_text
 from fem import assemble
-from fem.effects.instrument_form import DriverForm, SensorForm
+from fem.effects import DriverForm, SensorForm
 from tests.updating.test_channel_errors import bent, described, measured
-from updating import Nuisance
+from updating import ChannelErrors, Nuisance
 from updating.diagnosis.departures import departures
-from updating.inference.belief import LIGHT, STATED_MASS
-from updating.inference.fitting import fit_given
-from updating.inference.form import form_of
-from updating.inference.formed import formed_problem
-from updating.measurement.channel_errors import ChannelErrors
-from updating.measurement.measurement import instruments_on
+from updating.inference import LIGHT, STATED_MASS, fit_given, form_of, formed_problem
+from updating.measurement import instruments_on
 
 E = Nuisance("frame", "E:steel", 0.05)
 

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from dovetail.pipeline import fit_problem
-from fem import assemble
-from fem.analysis.modes import first_modes
+from fem import assemble, first_modes
 from tests.frames import write_study
+from tests.studies import fit_problem
+from updating import ModeTargets
+from updating.inference import JointFunction, with_modes
 from updating.inference.fitting import fit
-from updating.inference.joint_fit import JointFunction, with_modes
-from updating.inference.mode_targets import ModeTargets
 
 
 @pytest.fixture(scope="module")

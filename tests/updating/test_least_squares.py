@@ -11,15 +11,16 @@ from scipy.optimize import least_squares
 from scipy.special import pseudo_huber as half_pseudo_huber
 
 from tests.updating.test_numerics import seeds
-from updating.least_squares.levenberg_marquardt import (
+from updating.least_squares import (
     Control,
     Linearisation,
     Stop,
     Tolerance,
     minimise,
+    pseudo_huber,
+    pseudo_huber_weight,
     step_within,
 )
-from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 FREE = (np.full(2, -np.inf), np.full(2, np.inf))
 

@@ -7,16 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail.pipeline import fit_problem
 from fem import ModelError, assemble, solve_modes
+from tests.studies import fit_problem
 from updating import Fault, compare
-from updating.inference.preparation import fitted_model
-from updating.live.engine import LiveModel
-from updating.live.fitting import fit_all, fit_effect, fit_uncertain
-from updating.live.hypothesis import Hypothesis
-from updating.live.ranking import rank, twins
-from updating.live.sensitivity import frequency_sensitivities, sensitivities
-from updating.live.weighing import weigh
+from updating.inference import fitted_model
+from updating.live import (
+    Hypothesis,
+    LiveModel,
+    fit_all,
+    fit_effect,
+    fit_uncertain,
+    frequency_sensitivities,
+    rank,
+    sensitivities,
+    twins,
+    weigh,
+)
 
 STUDY = Path(__file__).parents[2] / "examples" / "cross-beam" / "study.toml"
 TURNING = "joint_stiffness:J.rx"

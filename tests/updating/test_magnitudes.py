@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from dovetail import load_study
-from dovetail.pipeline import fit_problem
-from dovetail.report.sections.mode_shapes import quadrature_shapes
-from dovetail.report.words import level_label
+from dovetail.report import level_label, quadrature_shapes
 from fem import FRF
 from fem.io import read_frf, write_npz
 from tests.frames import write_study
+from tests.studies import fit_problem
 from updating import Measurement, Sensor
-from updating.inference.fit_data import prepare
+from updating.inference import prepare
 
 
 def of_amplitudes(folder, mass):

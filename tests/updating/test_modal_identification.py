@@ -1,6 +1,7 @@
 """Modes from FRFs: known modes come back, with the errors that noise predicts, and no others."""
 
 import warnings
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -230,7 +231,7 @@ def test_single_reference_tells_a_close_pair():
 CLEAR = np.array([139.0, 381.0, 739.0, 1154.0])
 
 
-def averaged_hits(seed, shift, colour, weak=0.02):
+def averaged_hits(seed, shift, colour, weak):
     """One FRF averaged over six hits, whose four resonances shift from hit to hit as those of real beams do.
 
     Weak modes of a fixture lie between them, and noise of neighbouring lines is correlated. A sum of several
@@ -253,10 +254,11 @@ def averaged_hits(seed, shift, colour, weak=0.02):
     return lines, (H + 0.01 * np.sqrt((np.abs(H) ** 2).mean() / 2) * noise)[:, None, None]
 
 
-def quietly_identified(lines, H):
+@cache
+def found_in_hits(seed, shift, colour, weak):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of modal masses and of weak peaks
-        return identify_modes(lines, H)
+        return identify_modes(*averaged_hits(seed, shift, colour, weak))
 
 
 @pytest.mark.parametrize(
@@ -269,14 +271,14 @@ def quietly_identified(lines, H):
     ],
 )
 def test_one_frf_of_averaged_hits_keeps_its_clear_resonances(seed, shift, colour, weak):
-    found = quietly_identified(*averaged_hits(seed, shift, colour, weak))
+    found = found_in_hits(seed, shift, colour, weak)
     nearest = np.abs(found.modes.frequency[:, None] / CLEAR - 1).min(axis=0)
     assert nearest.max() < 0.01
 
 
 def test_one_frf_has_one_mode_for_each_peak():
     """Two poles whose half-power widths overlap describe one peak of one FRF, be it nonlinear or a pair."""
-    found = quietly_identified(*averaged_hits(7, 0.6, 25))
+    found = found_in_hits(7, 0.6, 25, 0.02)
     poles = found.poles
     overlap = np.abs(poles[:, None] - poles) / -(poles.real[:, None] + poles.real)
     assert overlap[~np.eye(poles.size, dtype=bool)].min() > 1
@@ -284,7 +286,7 @@ def test_one_frf_has_one_mode_for_each_peak():
 
 
 def test_each_rejected_pole_is_listed_once_and_its_reason_names_a_mode_that_is_reported():
-    found = quietly_identified(*averaged_hits(3, 0.3, 25))
+    found = found_in_hits(3, 0.3, 25, 0.02)
     rejected = [c for c in found.candidates if not c.accepted]
     places = [(c.frequency, c.zeta) for c in rejected]
     assert rejected

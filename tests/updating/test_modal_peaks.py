@@ -8,9 +8,9 @@ import pytest
 
 from fem import FRF
 from tests.noise import complex_normal
-from updating import Candidate, Stabilisation, identify_modes
+from updating import Candidate, Stabilisation, identify_modes, mode_indicator, unexplained_peaks
+from updating.modal import peak_words
 from updating.modal import refinement as modal_fit
-from updating.modal.peaks import mode_indicator, peak_words, unexplained_peaks
 
 FREQUENCY = np.array([31.0, 58.0, 96.0, 140.0, 171.0, 230.0])
 ZETA = np.array([0.4, 0.6, 0.5, 0.5, 0.4, 0.6]) / 100

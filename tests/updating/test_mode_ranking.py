@@ -6,15 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fem import Damping, Frame, MemberProperties, Mesh, Model, assemble, solve_modes
-from fem.analysis.modes import first_modes
+from fem import Damping, Frame, MemberProperties, Mesh, Model, assemble, first_modes, solve_modes
 from tests.frames import FLAT, STEEL, fix
 from tests.updating.test_evidence_modes import E, cantilever, measured
-from updating import propose
-from updating.diagnosis.evidence.mode_ranking import ModeLook, ModeRanking
-from updating.diagnosis.evidence.screening import Grid, candidate_terms
-from updating.inference.mode_preparation import build_mode_problem
-from updating.inference.mode_targets import ModeTargets
+from updating import ModeTargets, build_mode_problem, propose
+from updating.diagnosis.evidence import ModeLook, ModeRanking
+from updating.forecast import Grid, candidate_terms
 
 MODULUS = "frame", "E:steel"
 

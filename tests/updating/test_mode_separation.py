@@ -4,11 +4,10 @@ import re
 
 import pytest
 
-from fem import AddedMass, assemble
-from fem.analysis.modes import first_modes
+from fem import AddedMass, assemble, first_modes
 from tests.frames import beam, fix
+from updating.diagnosis import BAND_BEYOND
 from updating.diagnosis.mode_separation import next_measurements
-from updating.diagnosis.separation import BAND_BEYOND
 
 CANTILEVER = beam(24).with_effect(fix(0))
 

@@ -9,6 +9,7 @@ from fem import FRF, FRFError, Parameter
 from tests.frames import cross_beam
 from tests.noise import complex_normal
 from updating import (
+    DampingCurve,
     Measurement,
     MeasurementError,
     Sensor,
@@ -20,10 +21,8 @@ from updating import (
     relative_noise,
 )
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
-from updating.inference.parameters import DampingCurve
-from updating.inference.solve import Prior, solve_robust
-from updating.inference.unknowns import ScaledUnknown
-from updating.least_squares.levels import Levels
+from updating.inference import Prior, ScaledUnknown, solve_robust
+from updating.least_squares import Levels
 
 modest = settings(max_examples=40, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fem import FRF, FRFKind
 from fem.io import read_uff
-from updating.quality.phase import LEAST_RINGING, misphased, phase_evidence
+from updating.quality import LEAST_RINGING, misphased, phase_evidence
 
 LINES = np.arange(1.0, 400.0, 0.5)
 

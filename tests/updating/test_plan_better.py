@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from fem.declarations import Relevant
+from fem import Relevant
 from tests.frames import fix
 from tests.updating.test_plan import BAND, channels, halves, mapped
+from updating.plan import with_masses, without_supports
 from updating.plan.choose import choose
-from updating.plan.perturbed import perturbed, with_masses, without_supports
+from updating.plan.perturbed import perturbed
 
 ACROSS = (0.0, 1.0, 0.0)
 

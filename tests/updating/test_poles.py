@@ -5,7 +5,7 @@ import pytest
 
 from fem import FRF
 from tests.noise import complex_normal
-from updating.modal.poles import LEAST_ORDERS, channel_sizes, fit_orders, track_poles
+from updating.modal import LEAST_ORDERS, channel_sizes, fit_orders, track_poles
 
 LINES = np.linspace(5, 60, 400)
 F, ZETA = np.array([20.0, 20.4, 41.0]), np.array([0.01, 0.012, 0.008])

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.hidden.cases import make_case
-from updating import build_problem, propose
-from updating.inference.fit_function import ROBUST
-from updating.inference.fitting import FULL_LINES, assessed_fit
-from updating.least_squares.loss import pseudo_huber
-from viz.curves import plot_frf, plot_frf_error
+from benchmarks.hidden.cases import make_case
+from updating import assessed_fit, build_problem, propose
+from updating.inference import FULL_LINES, ROBUST
+from updating.least_squares import pseudo_huber
+from viz import plot_frf, plot_frf_error
 
 STEP = 2e-5
 

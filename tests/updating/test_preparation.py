@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 import fem
+from benchmarks.hidden.cases import make_case
 from benchmarks.validation.cases import CaseSettings, draw_case
-from fem.connection_damping import ConnectionDamping
-from tests.hidden.cases import make_case
-from updating import build_problem, propose
-from updating.diagnosis.evidence.screening import Grid
+from fem import ConnectionDamping
+from updating import assessed_fit, build_problem, propose
+from updating.forecast import Grid
 from updating.inference import preparation
-from updating.inference.fitting import assessed_fit
 
 
 def test_joints_that_are_damped_otherwise_than_members_leave_no_more_than_noise():

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from updating import gsvd, select_by_pivoting, select_forward, tikhonov
-from updating.inference.regularisation import l_curve
+from updating import gsvd, l_curve, select_by_pivoting, select_forward, tikhonov
 
 modest = settings(max_examples=40, derandomize=True, deadline=None)
 seeds = st.integers(0, 2**31)

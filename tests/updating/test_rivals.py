@@ -5,16 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fem.effects.distributed_mass import DistributedMass
-from fem.effects.joint_complex_stiffness import JointComplexStiffness
-from fem.model import covers, parameter_values
-from fem.system import sum_contributions
+from fem import parameter_values, sum_contributions
+from fem.effects import DistributedMass, JointComplexStiffness
+from fem.model import covers
 from tests.frames import cross_beam, portal
 from updating import Ranked, propose
-from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis
-from updating.diagnosis.evidence.search import Search
-from updating.inference.belief import TWIN_NATS
+from updating.diagnosis.evidence import Hypothesis, Search, Searched
+from updating.inference import TWIN_NATS
 
 
 class Fit:

@@ -8,11 +8,9 @@ import pytest
 import fem
 from dovetail import StudyError, load_study
 from tests.updating.test_sensor_masses import BEAM, beam
-from updating import Measurement, Nuisance, Sensor, build_problem, update
-from updating.inference.fit_data import sensor_vectors
-from updating.inference.preparation import discretisation_error, with_higher_mass
-from updating.measurement.computed import computed_frf
-from updating.measurement.measurement import instruments_on
+from updating import Measurement, Nuisance, Sensor, build_problem, computed_frf, update
+from updating.inference import discretisation_error, sensor_vectors, with_higher_mass
+from updating.measurement import instruments_on
 
 LINES = np.arange(5.0, 400.0, 2.0)
 PLACES = (0.1, 0.2, 0.3, 0.4, 0.5)

@@ -6,13 +6,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tests.hidden.cases import make_case
-from updating import build_problem, propose
-from updating.diagnosis.evidence import screening
+from benchmarks.hidden.cases import make_case
+from updating import assessed_fit, build_problem, propose
+from updating.diagnosis.evidence import NORMAL, screen
 from updating.diagnosis.evidence import shortlist as listing
-from updating.diagnosis.evidence.budget import NORMAL
-from updating.diagnosis.evidence.screening import Grid, screen
-from updating.inference.fitting import assessed_fit
+from updating.forecast import Grid, Look, candidate_terms, level
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +35,7 @@ class Hidden:
 
 def test_slopes_from_the_responses_at_all_dofs_are_those_of_small_changes(prepared):
     _, problem, null, candidates = prepared
-    look = screening.Look.of(problem, null, 12, 6, 10**6)
+    look = Look.of(problem, null, 12, 6, 10**6)
     local, fields = look._local(()), look.fields()
     kinds = set()
     for effect in candidates:
@@ -57,12 +55,12 @@ def test_slopes_from_the_responses_at_all_dofs_are_those_of_small_changes(prepar
 def test_each_grid_begins_where_the_effect_is_hardly_seen(prepared):
     """Or else a weaker one passes unseen: all points of the grid are worse than nothing."""
     _, problem, _, candidates = prepared
-    look = screening.Look.of(problem, problem.nominal(), 44, 24, 700)
+    look = Look.of(problem, problem.nominal(), 44, 24, 700)
     for effect in candidates:
         grid = Grid.of(problem, effect)
         r = look._residuals(look._local(effect.released()).with_terms(grid.terms(problem)))
         left = look.adapted((r - look._now)[:, look.full_band])
-        change = screening._level(left[:, : look.full_band.sum()])
+        change = level(left[:, : look.full_band.sum()])
         # beside what uncertain parameters imitate; tension makes a free member a pendulum: 0.11 for the least
         assert change.min() < 0.12, effect.name
 
@@ -78,8 +76,8 @@ def test_what_a_hinge_does_is_seen_on_members_that_are_not_nominal(prepared):
     for effect in propose(case.model, ["crack"]):
         softest = sorted(Grid.of(problem, effect).points, key=lambda p: (-p["compliance"], p["position"]))[1]
         grid = Grid(effect, (softest,))
-        look = screening.Look.of(problem, base, 44, 0, 10**6)
-        (seen_as,) = look._local(()).with_terms(screening.candidate_terms(look.problem, look.base, grid))
+        look = Look.of(problem, base, 44, 0, 10**6)
+        (seen_as,) = look._local(()).with_terms(candidate_terms(look.problem, look.base, grid))
         there = effect.with_values(**softest)
         on_it = replace(problem, reduced=problem.reduced.with_forces_of([there]))
         values = {**base.values, **{(effect.name, k): v for k, v in softest.items()}}
@@ -101,8 +99,8 @@ def test_what_takes_more_mass_away_than_there_is_is_never_the_best(prepared):
     values = {**nominal.values, (light.name, "change"): -0.6}
     base = replace(nominal, effects=(light,), values=values)
     grid = Grid(member, ({"change": -0.5}, {"change": 0.1}))
-    look = screening.Look.of(mine, base, 44, 24, 700)
-    gone, there = look._local(()).with_terms(screening.candidate_terms(look.problem, look.base, grid))
+    look = Look.of(mine, base, 44, 24, 700)
+    gone, there = look._local(()).with_terms(candidate_terms(look.problem, look.base, grid))
     assert np.isnan(gone).all()
     assert np.isfinite(there).all()
     levels = look.levels(grid)
@@ -139,9 +137,9 @@ def test_of_very_many_rivals_a_short_list_is_looked_at(prepared, monkeypatch):
     best = assessed_fit(problem, [wrong], [Grid.of(problem, wrong).points[0]])
     grids = [Grid.of(problem, e) for e in candidates if e is not wrong]
     looked: list[str] = []
-    levels = screening.Look.levels
+    levels = Look.levels
     monkeypatch.setattr(
-        screening.Look, "levels", lambda look, grid: looked.append(grid.effect.name) or levels(look, grid)
+        Look, "levels", lambda look, grid: looked.append(grid.effect.name) or levels(look, grid)
     )
     monkeypatch.setattr(listing, "MOST_RIVALS", 10)
     monkeypatch.setattr(listing, "N_LISTED", 5)
@@ -182,7 +180,7 @@ def test_the_slightest_point_is_not_where_the_effect_is_absent():
 def test_an_uncertain_parameter_does_not_hide_the_effect_that_takes_its_place():
     case = make_case(1, "cross", "joint_stiffness")
     problem = build_problem(case.model, case.measurement, case.nuisances)
-    look = screening.Look.of(problem, problem.nominal(), 60, 0, 10**6)
+    look = Look.of(problem, problem.nominal(), 60, 0, 10**6)
     uncertain = {(n.effect, n.parameter) for n in problem.nuisances}
     shown, differs = [], False
     for effect in propose(case.model, ["joint_stiffness"]):
@@ -204,35 +202,8 @@ def test_an_uncertain_parameter_does_not_hide_the_effect_that_takes_its_place():
     assert differs  # from what is left where that parameter adapts
 
 
-def test_what_receptances_change_is_what_the_effect_changes(prepared):
-    _, problem, null, candidates = prepared
-    effect = next(e for e in candidates if e.kind == "point_mass")
-    look = screening.Look.of(problem, null, 12, 0, 10**6)
-    grid = Grid(effect, Grid.of(problem, effect).points[:3])
-    H = look._local(effect.released()).with_terms(grid.terms(problem))
-    np.testing.assert_allclose(look.change_to(H), look.changes(grid), rtol=1e-9)
-    assert np.abs(look.change_to(H)).max() > 1e-3
-
-
 def test_what_data_to_come_will_leave_weighs_their_residuals_less(prepared):
     _, problem, null, _ = prepared
-    looks = [screening.Look.of(problem, null, 12, 0, 10**6, besides) for besides in (0.0, 0.2, 0.5)]
+    looks = [Look.of(problem, null, 12, 0, 10**6, besides) for besides in (0.0, 0.2, 0.5)]
     weights = np.array([look.weights[: len(look.share)].mean() for look in looks])
     assert (np.diff(weights) < 0).all()
-
-
-def test_a_prior_that_is_stretched_takes_more_of_a_change_away(prepared):
-    """And knows the parameter less well by the same factor."""
-    _, problem, null, candidates = prepared
-    plain = screening.Look.of(problem, null, 24, 0, 10**6, 0.0, {})
-    ref = next(r for r in plain.prior_of if r in plain.refs)
-    wide = screening.Look.of(problem, null, 24, 0, 10**6, 0.0, {ref: 5.0})
-    m, k = len(plain.share), plain.prior_of.index(ref)
-    assert plain.slopes[:, 2 * m + k].max() == pytest.approx(5 * wide.slopes[:, 2 * m + k].max())
-    effect = next(e for e in candidates if e.kind == "member_density")
-    change = plain.changes(Grid(effect, Grid.of(problem, effect).points[:2]))
-
-    def worth(look):
-        return (np.abs(look.adapted(change)) ** 2) @ look.weights
-
-    assert (worth(wide) < worth(plain)).all()

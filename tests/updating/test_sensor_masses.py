@@ -6,10 +6,16 @@ import pytest
 import fem
 from dovetail import load_study
 from tests.frames import FLAT_STEEL
-from updating import Measurement, MeasurementError, Sensor, build_problem, update, with_sensor_masses
-from updating.inference.fit_data import sensor_vectors
-from updating.inference.preparation import with_higher_mass
-from updating.measurement.measurement import sensor_rows
+from updating import (
+    Measurement,
+    MeasurementError,
+    Sensor,
+    build_problem,
+    sensor_rows,
+    update,
+    with_sensor_masses,
+)
+from updating.inference import sensor_vectors, with_higher_mass
 
 BEAM = f"""
 [points]

@@ -8,11 +8,10 @@ import pytest
 import fem
 from fem import FRF, PointMass
 from tests.frames import beam, fix, frequencies
-from updating import Measurement, Sensor, build_problem, place_sensors, propose
-from updating.diagnosis.separation import next_measurements, what_decides
-from updating.inference.fitting import assessed_fit
-from updating.inference.formed import formed_mode_problem
-from updating.inference.mode_targets import ModeTargets
+from updating import Measurement, ModeTargets, Sensor, assessed_fit, build_problem, place_sensors, propose
+from updating.diagnosis import what_decides
+from updating.diagnosis.separation import next_measurements
+from updating.inference import formed_mode_problem
 
 
 def two_cantilevers():

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fem
-from fem.reduction.condensation import reduce_guyan, reduce_serep
+from fem.reduction import reduce_guyan, reduce_serep
 from tests.frames import beam, fix
 from tests.noise import complex_normal
 from updating.correlation import shape_correlation as sc

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from fem import AddedMass, assemble
-from fem.analysis.modes import first_modes
+from fem import AddedMass, assemble, first_modes
 from tests.frames import beam, fix
-from updating import Nuisance
-from updating.diagnosis.baseline import calibrate, judged
-from updating.diagnosis.states import changed_problem, corrected, diagnose_change
-from updating.inference.common_errors import CommonErrors
-from updating.inference.mode_targets import ModeTargets
+from updating import ModeTargets, Nuisance, diagnose_change
+from updating.diagnosis import calibrate, changed_problem, judged
+from updating.diagnosis.states import corrected
+from updating.inference import CommonErrors
 
 NOISE, N_MODES = 1e-3, 6
 

@@ -5,16 +5,11 @@ import pytest
 from scipy.integrate import quad
 
 from tests.updating.test_evidence_modes import E, cantilever, measured
-from updating import propose
-from updating.diagnosis.evidence.hypothesis import values_of
-from updating.diagnosis.evidence.mode_ranking import ModeRanking
-from updating.diagnosis.evidence.search import Search
-from updating.diagnosis.mode_diagnosis import diagnose_modes
-from updating.diagnosis.unfitted import weigh_unfitted
-from updating.inference.effect_priors import EffectPrior
-from updating.inference.mode_fit import ModeProblem
-from updating.inference.mode_preparation import build_mode_problem
-from updating.least_squares.mode_levels import ModeLevels
+from updating import build_mode_problem, diagnose_modes, propose
+from updating.diagnosis import weigh_unfitted
+from updating.diagnosis.evidence import ModeRanking, Search, values_of
+from updating.inference import EffectPrior, ModeProblem
+from updating.least_squares import ModeLevels
 
 
 @pytest.mark.parametrize(

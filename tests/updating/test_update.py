@@ -22,7 +22,7 @@ from updating import (
     mode_data,
     update,
 )
-from updating.inference.sampling import sample
+from updating.inference import sample
 
 textbook = partial(update, model_error=0.0)
 """Parameters alone vary, and nothing but noise and the mesh may be left."""

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import fem
-from fem.effects import SupportFlexibility
-from fem.effects.ground_spring import GroundSpring
+from fem.effects import GroundSpring, SupportFlexibility
 from tests.frames import beam, fix
 from tests.updating.test_update import RHO, E, frequencies_of, frfs_of, noisy, textbook
 from updating import Ending, Measurement, Sensor, Unknown, UpdateSettings, build_problem, frf_data

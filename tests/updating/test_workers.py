@@ -8,7 +8,8 @@ import pytest
 import scipy.sparse as sp
 
 from fem.linalg.solvers import factorise
-from updating.inference.workers import Workers, cores, workers
+from updating.inference import Workers, cores
+from updating.inference.workers import workers
 
 
 def solved(shared, load):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from updating import identify_ambient
-from viz import style
-from viz.ambient import plot_ambient
+from viz import plot_ambient, style
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from updating import (
     signature_assurance,
 )
 from viz import correlation as pictures
-from viz.style import figure_png
+from viz import figure_png
 
 F = np.linspace(2.0, 90.0, 90)
 

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from viz import search
-from viz.frequencies import plot_deviations
-from viz.interactive.error import staircase_figure
-from viz.interactive.frequencies import deviations_figure, mac_figure
+from viz import plot_deviations, search
+from viz.interactive import deviations_figure, mac_figure, staircase_figure
 
 MEASURED, STD = np.array([10.0, 20.0, 40.0]), np.array([1e-3, 2e-3, 1e-3])
 COMPUTED = {"nominal": [11.0, 19.0, np.nan], "with <b>": [10.01, 20.0, 39.98]}

@@ -10,9 +10,8 @@ import pytest
 from fem import FRF, FRFError, Modes, assemble, solve_modes
 from tests.frames import beam, cross_beam, fix
 from updating import Sensor
-from viz import style
+from viz import displacement_at, model_surface, style
 from viz.interactive import error, frf, model, modes, solids, theme
-from viz.models import displacement_at, model_surface
 from viz.shapes import amplification, real_shape
 
 NASTY = "a<b>&\"'{x}%{y}$z$"

@@ -7,9 +7,8 @@ import pytest
 
 from fem import FRF
 from updating import identify_modes
-from updating.modal.peaks import UnexplainedPeak
-from viz import style
-from viz.modal import plot_stabilisation, plot_synthesis
+from updating.modal import UnexplainedPeak
+from viz import plot_stabilisation, plot_synthesis, style
 
 
 @pytest.fixture(scope="module")

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from dovetail import StudyError
-from dovetail.file.config import load_study
+from dovetail import StudyError, load_study
 from fem import assemble, solve_modes
 from fem.io import read_matrices
-from viz.interactive.model import model_figure
-from viz.interactive.modes import modes_figure
-from viz.models import displacement_at, drawn_names, drawn_size, member_families, model_surface
-from viz.render import render_model
+from viz import displacement_at, member_families, model_surface, render_model
+from viz.interactive import model_figure, modes_figure
+from viz.models import drawn_names, drawn_size
 from viz.surfaces import Surface
 
 DATA = Path(__file__).parents[1] / "data" / "bracket"

@@ -6,10 +6,9 @@ import pytest
 import fem
 from fem.effects import MemberStiffness
 from tests.frames import portal
-from updating import UpdateSettings, update
-from updating.inference.regularisation import l_curve
-from viz import style
-from viz.updating import plot_convergence, plot_correlation, plot_l_curve, plot_parameters
+from updating import UpdateSettings, l_curve, update
+from viz import plot_convergence, plot_correlation, plot_parameters, style
+from viz.updating import plot_l_curve
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ balance (:mod:`fem.analysis.harmonic_balance`) what the joint makes of them at e
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import propagated
 from updating.inference.fit_result import FitResult
+from updating.inference.frf_inputs import LINEAR, F, FrfInputs, LinearResponses
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
 from updating.quality.gates import at_level
@@ -58,12 +59,30 @@ def split(effects: Sequence[Effect]) -> tuple[list[Effect], list[AmplitudeDepend
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LevelProblem(FitProblem):
-    """A problem whose data are those of several levels of force, side by side as further forces.
+def at_force_levels(problem: FitProblem, levels: Sequence[FitData]) -> FitProblem:
+    """Return a problem whose data are those of several levels of force, side by side as further forces.
 
     Effects may have one among them that depends on amplitude. The parameters are those of the structure, the
-    same at all levels.
+    same at all levels. Small deviations are those of linear structures, and it has none.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        Of the first level.
+    levels : sequence of FitData
+    """
+
+    def stacked(name: str) -> NDArray[Any]:
+        each = [np.broadcast_to(getattr(d, name), d.H.shape) for d in levels]
+        return np.concatenate(each, axis=2)
+
+    data = replace(problem.data, **{name: stacked(name) for name in ("H", "mask", "weight", "noise")})
+    return replace(problem, data=data, scatter=None, responses=LevelResponses(tuple(levels)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LevelResponses(LinearResponses):
+    """Steady vibration at several levels of force.
 
     Attributes
     ----------
@@ -72,46 +91,35 @@ class LevelProblem(FitProblem):
 
     levels: tuple[FitData, ...] = ()
 
-    @classmethod
-    def of(cls, problem: FitProblem, levels: Sequence[FitData]) -> "LevelProblem":
-        """Return a problem with the data of some levels in place of its data."""
-        stacked: dict[str, Any] = {
-            name: np.concatenate([np.broadcast_to(getattr(d, name), d.H.shape) for d in levels], axis=2)
-            for name in ("H", "mask", "weight", "noise")
-        }
-        alone = replace(problem, scatter=None)
-        return cls(**_with_data(alone, replace(problem.data, **stacked)), levels=tuple(levels))
-
     @property
-    def first(self) -> FitProblem:
-        """The problem with the data of the first level alone."""
-        return FitProblem(**_with_data(self, self.levels[0]))
+    def n_levels(self) -> int:
+        """Number of levels of force that the data are of."""
+        return len(self.levels)
+
+    def at_first_level(self, problem: F) -> F:
+        """Return the problem with the data of the first level of force alone."""
+        return replace(problem, data=self.levels[0], responses=LINEAR)
 
     def engine(
         self,
+        problem: FrfInputs,
         frequency: Floats,
-        refs: Sequence[ParameterRef] = (),
-        effects: Sequence[Effect] = (),
-        release: Sequence[tuple[str, str]] = (),
-        deviations: Deviations | None = None,
-        channels: NDArray[np.float64] | None = None,
+        refs: Sequence[ParameterRef],
+        effects: Sequence[Effect],
+        release: Sequence[tuple[str, str]],
+        deviations: Deviations | None,
+        channels: Floats | None,
     ) -> ParametricFRF:
         """Return the receptances at all levels as a function of parameters, without small deviations."""
         assert deviations is None or deviations.stiff.shape[1] + deviations.lossy.shape[1] == 0
-        return LevelEngine(self, frequency, refs, effects, release)
+        return LevelEngine(problem, self.levels, frequency, refs, effects, release)
 
-    def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> Complexes:
-        """Return the fitted model's receptances at all levels, at some or all lines."""
-        f = self.data.frequency if lines is None else self.data.frequency[lines]
-        engine = self.engine(f, list(result.values), result.effects)
-        values, zeta = np.array(list(result.values.values())), self.damping.ratio(f, result.zeta)
+    def receptance(self, problem: FrfInputs, result: FitResult, lines: NDArray[np.int64]) -> Complexes:
+        """Return the fitted model's receptances at all levels, at some lines."""
+        f = problem.data.frequency[lines]
+        engine = problem.engine(f, list(result.values), result.effects)
+        values, zeta = np.array(list(result.values.values())), problem.damping.ratio(f, result.zeta)
         return engine.evaluate(values, zeta, gradient=False)[0]
-
-
-def _with_data(problem: FitProblem, data: FitData) -> dict[str, Any]:
-    """Return the fields of a problem with other data."""
-    known: dict[str, Any] = {f.name: getattr(problem, f.name) for f in fields(FitProblem)}
-    return {**known, "data": data}
 
 
 class LevelEngine(ParametricFRF):
@@ -119,7 +127,8 @@ class LevelEngine(ParametricFRF):
 
     Parameters
     ----------
-    problem : LevelProblem
+    problem : FrfInputs
+    levels : sequence of FitData
     frequency : ndarray (n_freq,)
         Lines of its data [Hz].
     refs : sequence of (effect, parameter)
@@ -132,7 +141,8 @@ class LevelEngine(ParametricFRF):
 
     def __init__(
         self,
-        problem: LevelProblem,
+        problem: FrfInputs,
+        levels: Sequence[FitData],
         frequency: Floats,
         refs: Sequence[ParameterRef],
         effects: Sequence[Effect],
@@ -140,7 +150,7 @@ class LevelEngine(ParametricFRF):
     ) -> None:
         linear, laws = split(effects)
         self._law = laws[0] if laws else None
-        self._levels = problem.levels
+        self._levels = levels
         self._at = np.searchsorted(problem.data.frequency, frequency)
         names = [name for name, _ in refs]
         self._law_rows = [k for k, name in enumerate(names) if self._law and name == self._law.name]
@@ -199,7 +209,7 @@ def deviation_at_level(problem: FitProblem, result: FitResult) -> Floats:
     """
     data = problem.data
     every = replace(data, mask=np.ones_like(data.mask), weight=np.ones_like(data.weight))
-    level = replace(LevelProblem.of(problem, (data,)), data=every)
+    level = replace(at_force_levels(problem, (data,)), data=every)
     starts, lines = [parameter_values(e) for e in result.effects], np.arange(len(data.frequency))
     function = level.function(result.effects, starts, lines)
     x = function.moved_to(result)

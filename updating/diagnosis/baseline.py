@@ -30,7 +30,7 @@ from updating.diagnosis.mode_diagnosis import (
 from updating.diagnosis.mode_table import HALF
 from updating.diagnosis.unfitted import looked_at
 from updating.diagnosis.verdict import CREDIBLE
-from updating.inference.bases import N_BASES, better_basis
+from updating.inference.bases import N_BASES
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import fit
@@ -68,7 +68,7 @@ def _with_enriched_basis(problem: ModeProblem, made: Formed, fitted: FitResult) 
     The second state's basis begins with them, and what one of the two lacks would look like a change.
     """
     for _ in range(N_BASES):
-        better = better_basis(problem, fitted)
+        better = problem.better_basis(fitted)
         if better is None:
             break
         problem = replace(problem, reduced=better[1])
@@ -123,10 +123,9 @@ def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:
     return Baseline(first, tuple(bases), np.array(scores), d)
 
 
-def _with_cause(first: Calibrated, search: Search, h: Hypothesis) -> Calibrated:
+def _with_cause(first: Calibrated, search: Search[ModeProblem], h: Hypothesis) -> Calibrated:
     """Return the model of the first state with the effects of a hypothesis."""
     problem = search.fits.free(h)
-    assert isinstance(problem, ModeProblem)
     effects = tuple(replace(e, name=f"{COMMON}{e.name}") for e in h.effects)
     problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
     fitted = fit(problem, effects, values_of(effects), stages=problem.stages[-1:], x_from=h.fitted)

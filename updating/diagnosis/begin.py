@@ -10,7 +10,7 @@ from fem.model import Model
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.fitting import FULL_LINES, null_fit, scattered, with_form_of_damping, with_seen_noise
+from updating.inference.fitting import FULL_LINES, null_fit, scattered, with_form_of_damping
 from updating.inference.formed import builder, refined
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import FitOptions, build_fine
@@ -65,4 +65,4 @@ def calibrated(
     right, result, faults = problem, null, ()
     if checked:
         right, result, faults = find_faults(problem, problem.assessed(null))
-    return with_seen_noise(right, null), result, faults
+    return right.with_seen_noise(null), result, faults

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -9,9 +10,8 @@ import scipy
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Hypothesis, near_to
 from updating.inference.belief import FAR_STD, RARE
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.problem import Problem
 from updating.inference.unknowns import nuisance_unknowns
 
 
@@ -56,7 +56,7 @@ class Departure:
         return members | {*getattr(self.effect, "members", ()), getattr(self.effect, "around", "")} - {""}
 
 
-def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Departure]:
+def departures(problem: Problem[Any], result: FitResult) -> list[Departure]:
     """Return the parameters of the form outside their usual ranges, the farthest first."""
     out = []
     for u in nuisance_unknowns(problem.reduced.model, problem.nuisances):
@@ -76,7 +76,7 @@ def departures(problem: FitProblem | ModeProblem, result: FitResult) -> list[Dep
 
 
 def departed(
-    hypotheses: Sequence[tuple[Hypothesis, float]], problem: FitProblem | ModeProblem, result: FitResult
+    hypotheses: Sequence[tuple[Hypothesis, float]], problem: Problem[Any], result: FitResult
 ) -> tuple[Departure, ...]:
     """Return the departures of a result, each with the effects that a search has fitted in its place.
 

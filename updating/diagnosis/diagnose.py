@@ -179,7 +179,7 @@ def _since(found: Diagnosis, first: CalibratedFrfs | None) -> Diagnosis:
 
 
 def _diagnosed(
-    initial: Searched,
+    initial: Searched[FitProblem],
     model: Model,
     measurements: Sequence[Measurement],
     kinds: Sequence[str] | None,
@@ -206,7 +206,7 @@ def _diagnosed(
     return _concluded(done, gates, model_error, stated=bool(levels))
 
 
-def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool) -> Diagnosis:
+def _concluded(done: Searched[FitProblem], gates: Gates, model_error: float, *, stated: bool) -> Diagnosis:
     """Return what a search says; ``stated`` tells whether there are levels of force."""
     search, lead, nothing = done.search, done.lead, done.search.known[frozenset()]
     chain = _chain(done, lead)
@@ -258,7 +258,7 @@ def _concluded(done: Searched, gates: Gates, model_error: float, *, stated: bool
     return replace(out, verdict=verdict, reason=reason)
 
 
-def _notes(done: Searched, gates: Gates, basis_db: float, *, stated: bool) -> tuple[str, ...]:
+def _notes(done: Searched[FitProblem], gates: Gates, basis_db: float, *, stated: bool) -> tuple[str, ...]:
     """Return what a reader should know of the mesh, the gates and the basis."""
     notes = [*done.notes, *gates.notes]
     if not gates.linear and not stated:
@@ -274,7 +274,7 @@ def _notes(done: Searched, gates: Gates, basis_db: float, *, stated: bool) -> tu
     return tuple(notes)
 
 
-def _chain(done: Searched, best: Hypothesis) -> list[Hypothesis]:
+def _chain(done: Searched[FitProblem], best: Hypothesis) -> list[Hypothesis]:
     """Return hypotheses from nothing to the best one with one effect more each, the most telling first."""
     search, chain = done.search, [best]
     while chain[0].effects:
@@ -288,7 +288,7 @@ def _chain(done: Searched, best: Hypothesis) -> list[Hypothesis]:
 
 
 def _with_last_faults(
-    problem: FitProblem, steps: list[Step], done: Searched
+    problem: FitProblem, steps: list[Step], done: Searched[FitProblem]
 ) -> tuple[FitProblem, list[Step], tuple[Fault, ...]]:
     """Look for faults once more where the physics is right, and withdraw those that it has explained.
 
@@ -311,17 +311,16 @@ def _with_last_faults(
     return problem, steps, faults
 
 
-def _score(done: Searched, problem: FitProblem, faults: Sequence[Fault]) -> float:
+def _score(done: Searched[FitProblem], problem: FitProblem, faults: Sequence[Fault]) -> float:
     """Return how probable the effects that were found are with faults, by data corrected for these."""
     h, fits = done.lead, done.search.fits
-    assert isinstance(fits.problem, FitProblem)
     on = replace(fits, problem=replace(fits.problem, data=problem.data))
     again = on.fully(h.effects, values_of(h.effects), h)
     return again.fitted.log_evidence + log_prior(faults, problem.data)
 
 
 def _findings(
-    done: Searched, problem: FitProblem, chain: Sequence[Hypothesis], steps: Sequence[Step]
+    done: Searched[FitProblem], problem: FitProblem, chain: Sequence[Hypothesis], steps: Sequence[Step]
 ) -> tuple[list[Finding], list[tuple[Ranked, ...]]]:
     """Return a finding for each effect with its twins, and the ranking of what could stand in its place."""
     findings, rounds = [], []
@@ -363,13 +362,15 @@ def _findings(
     return findings, rounds
 
 
-def _with_one_more(done: Searched, base: Hypothesis) -> list[Hypothesis]:
+def _with_one_more(done: Searched[FitProblem], base: Hypothesis) -> list[Hypothesis]:
     """Return the hypotheses with one effect more than another, the most probable first."""
     more = [k for k in done.search.known.values() if base.key < k.key and len(k.key) == len(base.key) + 1]
     return sorted(more, key=lambda k: -k.score)
 
 
-def _rivals(done: Searched, problem: FitProblem, best: Hypothesis, before: FitResult) -> tuple[Ranked, ...]:
+def _rivals(
+    done: Searched[FitProblem], problem: FitProblem, best: Hypothesis, before: FitResult
+) -> tuple[Ranked, ...]:
     """Return the ranking of further effects that were tried with the best hypothesis and lower its score."""
     ranked, shift = [], None
     for other in _with_one_more(done, best):
@@ -381,7 +382,7 @@ def _rivals(done: Searched, problem: FitProblem, best: Hypothesis, before: FitRe
     return tuple(ranked)
 
 
-def _twins(done: Searched, best: Hypothesis, effect: Effect) -> list[str]:
+def _twins(done: Searched[FitProblem], best: Hypothesis, effect: Effect) -> list[str]:
     """Return the names of the effects that could stand in the place of one of the best hypothesis."""
     rest = best.key - {effect.name}
     out = []
@@ -407,7 +408,7 @@ def _ranked(effect: Effect, result: FitResult, similarity: float, score: float) 
     )
 
 
-def _verdict(d: Diagnosis, done: Searched, gates: Gates) -> tuple[str, str]:
+def _verdict(d: Diagnosis, done: Searched[FitProblem], gates: Gates) -> tuple[str, str]:
     """Return the verdict, which a structure that is not linear may change, and why."""
     before, after, lead = (
         f"{h.fitted.level * DB_PER_NEPER:.2g}" for h in (done.search.known[frozenset()], done.best, done.lead)

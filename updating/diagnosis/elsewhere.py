@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.mode_ranking import ModeLook
-from updating.diagnosis.evidence.screening import Grid
 from updating.diagnosis.evidence.search import Search
+from updating.forecast.grid import Grid
 from updating.inference.belief import TWIN_NATS
 from updating.inference.mode_fit import ModeProblem
 
@@ -15,7 +15,7 @@ MOST_POSITIONS = 4
 """Largest number of further positions from which an effect is fitted."""
 
 
-def weigh_elsewhere(search: Search) -> None:
+def weigh_elsewhere(search: Search[ModeProblem]) -> None:
     """Add further maxima along members to the posterior: the same effects at other positions.
 
     A mass or a crack at either of two mirrored places gives a symmetric structure the same frequencies. Fits
@@ -33,7 +33,7 @@ def weigh_elsewhere(search: Search) -> None:
         search.elsewhere += others
 
 
-def _elsewhere(search: Search, h: Hypothesis, least: float) -> list[Hypothesis]:
+def _elsewhere(search: Search[ModeProblem], h: Hypothesis, least: float) -> list[Hypothesis]:
     """Return fits that begin at other positions, of those that are as probable as asked for."""
     out = []
     free = search.fits.free(h)
@@ -55,16 +55,16 @@ def _elsewhere(search: Search, h: Hypothesis, least: float) -> list[Hypothesis]:
     return out
 
 
-def _other_positions(search: Search, h: Hypothesis, effect: Effect) -> list[dict[str, float]]:
+def _other_positions(search: Search[ModeProblem], h: Hypothesis, effect: Effect) -> list[dict[str, float]]:
     """Return the points of an effect's grid that leave the least misfit, each at another place of its member.
 
     Beside all else as it was fitted with the effect; not at the places around the fitted one.
     """
     position = next((p for p in effect.parameters() if p.position), None)
     problem = search.fits.problem
-    if position is None or not isinstance(problem, ModeProblem):
+    if position is None:
         return []
-    grid = Grid.of(problem, effect)  # type: ignore[arg-type]
+    grid = Grid.of(problem, effect)
     misfit = ModeLook.of(problem, h.fitted.without(effect.name), all_belong=True).residual_squares_at(grid)
     at = np.array([point[position.name] for point in grid.points])
     places = np.unique(at)

@@ -136,7 +136,7 @@ def search_change(
     progress: Progress,
     crew: Workers = ALONE,
     budget: Budget = NORMAL,
-) -> Searched:
+) -> Searched[FitProblem]:
     """Return a search for what has changed that knows the second state without effects.
 
     Parameters

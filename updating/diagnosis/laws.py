@@ -15,17 +15,14 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
-from updating.diagnosis.amplitude import LevelProblem
+from updating.diagnosis.amplitude import at_force_levels
 from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.fits import AnyProblem
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Start, values_of
-from updating.diagnosis.evidence.ranking import FrfRanking
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
-from updating.inference.form_scatter import FormScatter
 from updating.least_squares.loss import pseudo_huber
 
 N_LAWS = 4
@@ -38,17 +35,9 @@ LARGE_MOTION = 0.9
 """Share of lines and forces at which a joint moves less than the amplitude of its law [-]."""
 
 
-class LevelRanking(FrfRanking):
-    """Ranking for several levels of force, which are fitted together."""
-
-    def scatter(
-        self, problem: FitProblem, result: FitResult, size: float | None = None
-    ) -> FormScatter | None:
-        """Return nothing: errors of modes are those of linear structures."""
-        return None
-
-
-def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[AmplitudeDependent]) -> Searched:
+def with_laws(
+    done: Searched[FitProblem], levels: tuple[FitData, ...], laws: Sequence[AmplitudeDependent]
+) -> Searched[FitProblem]:
     """Return a search that compares the findings, alone and with amplitude laws, at several levels of force.
 
     Parameters
@@ -62,8 +51,7 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     """
     one = done.search
     at_first = one.fits.problem
-    assert isinstance(at_first, FitProblem)
-    problem = LevelProblem.of(at_first, levels)
+    problem = at_force_levels(at_first, levels)
     candidates = (*one.candidates, *laws)
     search = Search(
         problem,
@@ -71,7 +59,6 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
         candidates,
         one.tell,
         scanned=one.scanned,
-        ranking=LevelRanking(),
         workers=one.workers,
         budget=one.budget,
     )
@@ -81,18 +68,22 @@ def with_laws(done: Searched, levels: tuple[FitData, ...], laws: Sequence[Amplit
     if done.best.effects:
         bases.append(search.full(done.best.effects, values_of(done.best.effects), done.best))
     for base in bases:
-        _add_laws(search, base, at_first, laws)
+        _add_laws(search, base, at_first, levels, laws)
     best = search.simplified(max(search.known.values(), key=lambda h: h.score))
     return replace(done, search=search, best=search.polished(best), otherwise=())
 
 
 def _add_laws(
-    search: Search, base: Hypothesis, problem: FitProblem, laws: Sequence[AmplitudeDependent]
+    search: Search[FitProblem],
+    base: Hypothesis,
+    problem: FitProblem,
+    levels: Sequence[FitData],
+    laws: Sequence[AmplitudeDependent],
 ) -> None:
     """Fit the most promising laws in addition to a hypothesis."""
     quick, free = search.fits.problems(base)
     fits = []
-    for starts in _looked_at(problem, search.fits.problem, base.fitted, laws):
+    for starts in _looked_at(problem, levels, base.fitted, laws):
         effects, values = (*base.effects, starts[0]), values_of(base.effects)
         points = [Start((*values, parameter_values(s)), base.fitted) for s in starts]
         short = search.fits.shortly(quick, effects, points)
@@ -104,11 +95,10 @@ def _add_laws(
 
 
 def _looked_at(
-    problem: FitProblem, levels: AnyProblem, current: FitResult, laws: Sequence[AmplitudeDependent]
+    problem: FitProblem, levels: Sequence[FitData], current: FitResult, laws: Sequence[AmplitudeDependent]
 ) -> list[list[AmplitudeDependent]]:
     """Return the most promising laws by their residual level on a grid of values, each at its best points."""
     lines = problem.lines_up_to(np.inf, N_GRID_LINES)
-    assert isinstance(levels, LevelProblem)
     looked: list[tuple[float, list[AmplitudeDependent]]] = []
     nearby: dict[tuple[str, str], Receptances] = {}
     for law in laws:
@@ -116,13 +106,13 @@ def _looked_at(
         if key not in nearby:
             nearby[key] = _at_joint(problem, current, law, lines)
         part = nearby[key]
-        top = max(d.measurement.force_level or 0.0 for d in levels.levels)
+        top = max(d.measurement.force_level or 0.0 for d in levels)
         amplitude = float(np.quantile(np.abs(part.h), LARGE_MOTION)) * top
         if amplitude <= 0:  # nothing moves the joint in this direction
             continue
         scaled = replace(law, amplitude=amplitude)
         points = [scaled.with_values(**p) for p in scaled.starts(problem.surroundings)]
-        seen = [_level(levels.levels, e, part, lines) for e in points]
+        seen = [_level(levels, e, part, lines) for e in points]
         best = np.argsort(seen, kind="stable")[:N_STARTS]
         looked.append((seen[best[0]], [points[k] for k in best]))
     looked.sort(key=lambda pair: pair[0])

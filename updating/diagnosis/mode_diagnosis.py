@@ -121,7 +121,7 @@ class ModeDiagnosis(Verdict):
     """
 
     problem: ModeProblem
-    searched: Searched
+    searched: Searched[ModeProblem]
     modes: ModeTable
     baseline: Calibrated | None = None
     judged: Baseline | None = None
@@ -211,7 +211,7 @@ class Baseline:
         )
 
 
-def searched_modes(search: Search, model: Model, say: Progress) -> Searched:
+def searched_modes(search: Search[ModeProblem], model: Model, say: Progress) -> Searched[ModeProblem]:
     """Return a search by modes of a model that has ended, with all that the data see in its posterior."""
     done = searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
     weigh_unfitted(search)
@@ -276,7 +276,7 @@ def diagnose_modes(
     return concluded(searched_modes(search, made.formed, say), start_time)
 
 
-def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
+def concluded(done: Searched[ModeProblem], start_time: float) -> ModeDiagnosis:
     """Return what a search by modes has to tell; it began at a ``time.perf_counter()`` [s]."""
     search, best, problem = done.search, done.best, done.search.fits.problem
     assert isinstance(problem, ModeProblem)
@@ -304,7 +304,7 @@ def concluded(done: Searched, start_time: float) -> ModeDiagnosis:
     return replace(out, seconds=time.perf_counter() - start_time)
 
 
-def _reported(done: Searched) -> Hypothesis:
+def _reported(done: Searched[ModeProblem]) -> Hypothesis:
     return done.best if done.explains else done.search.known[frozenset()]
 
 
@@ -317,7 +317,7 @@ def _next(d: ModeDiagnosis) -> tuple[str, ...]:
     return next_measurements(d.searched.model, models, t.n, float(t.frequency[-1]))
 
 
-def _bad_readings(done: Searched, problem: ModeProblem) -> list[BadReading]:
+def _bad_readings(done: Searched[ModeProblem], problem: ModeProblem) -> list[BadReading]:
     """Return how probable it is over all hypotheses that each reading does not belong.
 
     What the library does not have may explain any reading.

@@ -15,7 +15,7 @@ MOST_FITTED = 24
 """Largest number of candidates that are fitted because they look as probable as the best hypothesis."""
 
 
-def weigh_unfitted(search: Search) -> None:
+def weigh_unfitted(search: Search[ModeProblem]) -> None:
     """Add every single effect that the search has not fitted, and that the data see, to the posterior.
 
     A search fits the candidates that may win. All others together may be as probable as the winner: where the
@@ -33,13 +33,11 @@ def weigh_unfitted(search: Search) -> None:
     search.known.update({h.key: h for h in looked if h.key not in search.known})
 
 
-def looked_at(search: Search) -> list[Hypothesis]:
+def looked_at(search: Search[ModeProblem]) -> list[Hypothesis]:
     """Return hypotheses of one effect that were not fitted, to the first order, the most probable first."""
-    ranking, problem, nothing = search.fits.ranking, search.fits.problem, search.known[frozenset()]
-    if not (isinstance(ranking, ModeRanking) and isinstance(problem, ModeProblem)):
-        return []
+    problem, nothing = search.fits.problem, search.known[frozenset()]
     rest = [e for e in search.candidates if key_of((e,)) not in search.known]
-    looked = ranking.looked(problem, nothing.fitted, rest)
+    looked = ModeRanking().looked(problem, nothing.fitted, rest)
     return sorted((_estimated(search, nothing, e, x) for e, x in looked), key=lambda h: -h.score)
 
 

@@ -1,1 +1,106 @@
 """Parameters fitted to measurements: unknowns, residuals, least squares and uncertainty."""
+
+from typing import TYPE_CHECKING
+
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from updating.inference.bases import BASIS_SHARE
+    from updating.inference.belief import (
+        EFFECT_ODDS,
+        FAR_STD,
+        FORM_DAMPING,
+        FORM_MODES,
+        FORM_SECTION,
+        FORM_ZONE,
+        LIGHT,
+        STATED_MASS,
+        TWIN_NATS,
+        UNSTATED,
+    )
+    from updating.inference.common_errors import CommonErrors
+    from updating.inference.damped import LEAST_INSIDE, Continuation
+    from updating.inference.effect_priors import EffectPrior, log_occam_factor
+    from updating.inference.fit_data import MODEL_ERROR, FitData, prepare, sensor_vectors
+    from updating.inference.fit_function import ROBUST
+    from updating.inference.fitting import FULL_LINES, fit_given
+    from updating.inference.form import form_of
+    from updating.inference.formed import formed_mode_problem, formed_problem
+    from updating.inference.joint_fit import JointFunction, with_modes
+    from updating.inference.marginal import Quadratic, by_size, log_evidence
+    from updating.inference.mode_fit import ModeProblem, n_below
+    from updating.inference.mode_preparation import fine_enough
+    from updating.inference.mode_targets import match
+    from updating.inference.patches import PATCH_ELEMENTS, PATCH_REACH, TWIST_STD, refined_at, with_turning
+    from updating.inference.preparation import (
+        direct_responses,
+        discretisation_error,
+        fitted_model,
+        with_higher_mass,
+    )
+    from updating.inference.sampling import sample
+    from updating.inference.scatter import channel_scatter, form_scatter, scatter_of
+    from updating.inference.solve import Prior, Solution, solve_robust
+    from updating.inference.unknowns import ScaledUnknown, effect_unknowns
+    from updating.inference.workers import ALONE, Workers, cores
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
+
+__all__ = [
+    "ALONE",
+    "BASIS_SHARE",
+    "EFFECT_ODDS",
+    "FAR_STD",
+    "FORM_DAMPING",
+    "FORM_MODES",
+    "FORM_SECTION",
+    "FORM_ZONE",
+    "FULL_LINES",
+    "LEAST_INSIDE",
+    "LIGHT",
+    "MODEL_ERROR",
+    "PATCH_ELEMENTS",
+    "PATCH_REACH",
+    "ROBUST",
+    "STATED_MASS",
+    "TWIN_NATS",
+    "TWIST_STD",
+    "UNSTATED",
+    "CommonErrors",
+    "Continuation",
+    "EffectPrior",
+    "FitData",
+    "JointFunction",
+    "ModeProblem",
+    "Prior",
+    "Quadratic",
+    "ScaledUnknown",
+    "Solution",
+    "Workers",
+    "by_size",
+    "channel_scatter",
+    "cores",
+    "direct_responses",
+    "discretisation_error",
+    "effect_unknowns",
+    "fine_enough",
+    "fit_given",
+    "fitted_model",
+    "form_of",
+    "form_scatter",
+    "formed_mode_problem",
+    "formed_problem",
+    "log_evidence",
+    "log_occam_factor",
+    "match",
+    "n_below",
+    "prepare",
+    "refined_at",
+    "sample",
+    "scatter_of",
+    "sensor_vectors",
+    "solve_robust",
+    "with_higher_mass",
+    "with_modes",
+    "with_turning",
+]

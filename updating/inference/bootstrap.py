@@ -11,18 +11,14 @@ curvature matter.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import ModelError
-from updating.inference.fit import FitProblem
-from updating.inference.fit_data import FitData
 from updating.inference.fitting import refit as fitted_again
-from updating.inference.joint_fit import mode_problem_of
-from updating.inference.mode_fit import ModeProblem, matched_modes
-from updating.inference.mode_targets import ModeTargets
-from updating.inference.scatter import form_scatter
+from updating.inference.problem import Problem
 from updating.inference.unknowns import Uncertain, Unknown, nuisance_unknowns
 from updating.inference.updated import Ending, Updated
 
@@ -39,13 +35,13 @@ class BootstrapModel:
     Attributes
     ----------
     updated : Updated
-    problem : FitProblem or ModeProblem
+    problem : Problem
         That of the update, with the small deviations of its end.
     seed : int
     """
 
     updated: Updated
-    problem: FitProblem | ModeProblem
+    problem: Problem[Any]
     seed: int
 
     @classmethod
@@ -70,7 +66,7 @@ class BootstrapModel:
             )
             raise ModelError(msg)
         fitted = updated.fitted
-        problem = replace(problem, scatter=form_scatter(problem, fitted, fitted.size))
+        problem = replace(problem, scatter=problem.small_deviations(fitted, fitted.size))
         return cls(updated, problem, seed)
 
     @property
@@ -78,16 +74,12 @@ class BootstrapModel:
         """Names of the parameters."""
         return self.updated.names
 
-    def resample(self, unit: int) -> FitProblem | ModeProblem:
+    def resample(self, unit: int) -> Problem[Any]:
         """Return the problem with the data and priors of a resample; its number is its seed."""
         rng = np.random.default_rng([self.seed, unit])
         nuisances = self._nuisances(rng)
-        problem = self.problem
-        if isinstance(problem, ModeProblem):
-            return replace(problem, nuisances=nuisances, targets=self._modes(problem, rng))
-        mode_problem = mode_problem_of(problem)
-        modes = None if mode_problem is None else self._modes(mode_problem, rng)
-        return replace(problem, nuisances=nuisances, data=self._frf(problem, rng), modes=modes)
+        drawn = self.problem.resampled(self.updated.fitted, self.updated.misfit, rng)
+        return replace(drawn, nuisances=nuisances)
 
     def _nuisances(self, rng: np.random.Generator) -> tuple[Uncertain, ...]:
         """Return the uncertain parameters with priors about values drawn about the fitted ones."""
@@ -110,59 +102,6 @@ class BootstrapModel:
                 )
             )
         return tuple(out)
-
-    def _scale(self, kind: str) -> float:
-        return float(np.sqrt(max(self.updated.misfit.get(kind, 1.0), 1.0)))
-
-    def _modes(self, problem: ModeProblem, rng: np.random.Generator) -> ModeTargets:
-        """Return modes of the fitted model with errors; those that the model lacks stay as they are."""
-        targets, scale = problem.targets, self._scale("modes")
-        every = np.arange(targets.n)
-        function = problem.function((), (), every)
-        at = function.modes_at(function.moved_to(self.updated.fitted))
-        partner = matched_modes(problem, at, every).partner
-        f, zeta, shapes = targets.frequency.copy(), targets.zeta.copy(), targets.shapes.copy()
-        for i, mode in enumerate(at.damped(partner)):
-            if mode is None:
-                continue
-            a, b = rng.standard_normal(2)
-            f[i] = mode.frequency * np.exp(scale * targets.frequency_std[i] * a)
-            zeta[i] = mode.zeta * np.exp(scale * targets.zeta_std[i] * b) if np.isfinite(zeta[i]) else np.nan
-            if not targets.has_shapes:
-                continue
-            known = np.isfinite(shapes[:, i])
-            phi = (at.outputs.T @ mode.vector)[known]
-            psi = shapes[known, i]
-            psi = phi * (phi.conj() @ psi) / (phi.conj() @ phi)
-            error = rng.standard_normal(known.sum())
-            if np.iscomplexobj(shapes):
-                error = error + 1j * rng.standard_normal(known.sum())
-            else:
-                psi = psi.real
-            size = np.linalg.norm(psi)
-            psi = psi + scale * size * targets.shape_std[i] / np.sqrt(known.sum()) * error
-            shapes[known, i] = psi / np.linalg.norm(psi)
-        if not targets.has_shapes and targets.numbers is None:
-            f = np.sort(f)  # a tester counts modes by frequency
-        return replace(targets, frequency=f, zeta=zeta, shapes=shapes)
-
-    def _frf(self, problem: FitProblem, rng: np.random.Generator) -> FitData:
-        """Return FRFs of the fitted model with noise and other small deviations."""
-        data = problem.data
-        function = problem.function((), (), np.arange(len(data.frequency)))
-        x = function.moved_to(self.updated.fitted)
-        if problem.scatter is not None:
-            x[-len(problem.scatter.std) :] = rng.standard_normal(len(problem.scatter.std))
-        H, kept = data.H.copy(), data.mask & (data.weight > 0)
-        ratio = function(x, False)[0] / data.weight[data.mask]
-        ratio = ratio[data.weight[data.mask] > 0]
-        real, imaginary = rng.standard_normal((2, int(kept.sum())))
-        noise = self._scale("frf") * data.noise[kept] * (real + 1j * imaginary)
-        if not data.phase:  # amplitudes alone: noise of the logarithm
-            H[kept] = H[kept] * np.exp(ratio + noise.real)
-        else:
-            H[kept] = H[kept] * np.exp(ratio) + abs(H[kept]) * noise
-        return replace(data, H=H)
 
 
 def refit(model: BootstrapModel, unit: int) -> Floats:

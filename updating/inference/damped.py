@@ -5,13 +5,15 @@ inversion that is called cycle skipping, and is cured by decaying waves, from st
 *Geophys. J. Int.* 173, 2008, 922; 177, 2009, 1067).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic
 
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.inference.fit import FitProblem
+from updating.inference.frf_inputs import F, FrfInputs
 from updating.modal.poles import channel_sizes, poles_of_order
 
 LEAST_INSIDE = 0.85
@@ -52,7 +54,7 @@ class Continuation:
     factors: NDArray[np.float64]
 
     @classmethod
-    def of(cls, frequency: NDArray[np.float64], H: Complexes) -> "Continuation":
+    def of(cls, frequency: NDArray[np.float64], H: Complexes) -> Continuation:
         """Find the rational function of FRFs by polyreference least squares."""
         s, known = 2j * np.pi * frequency, np.isfinite(H).all(axis=(1, 2))
         order = min(HIGHEST_ORDER, int(known.sum()) // LINES_PER_ORDER)
@@ -99,20 +101,20 @@ def _terms(s: NDArray[Any], top: float, poles: Complexes) -> Complexes:
     return np.hstack([one + two, 1j * (one - two), beyond]).astype(complex)
 
 
-def continuation_of(problem: FitProblem) -> Continuation | None:
-    """Return the measured FRFs on and below the real axis; None of amplitudes without phases."""
+def continuation_of(problem: FrfInputs) -> Continuation | None:
+    """Return the measured FRFs on and below the real axis; None of amplitudes and of several levels."""
     data = problem.data
-    if len(data.frequency) < 2 or not data.phase:
+    if len(data.frequency) < 2 or not data.phase or problem.responses.n_levels > 1:
         return None
     return Continuation.of(data.frequency, data.H)
 
 
-def damped(problem: FitProblem, share: float, continuation: Continuation | None = None) -> FitProblem | None:
+def damped(problem: F, share: float, continuation: Continuation | None = None) -> F | None:
     """Return a problem at a decay rate, or None where its lines do not allow one.
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : FrfInputs
     share : float
         σ in parts of the band [-].
     continuation : Continuation, optional
@@ -132,3 +134,21 @@ def damped(problem: FitProblem, share: float, continuation: Continuation | None 
         return None
     damped_data = replace(data, H=H, mask=mask, held_out=held_out)
     return replace(problem, data=damped_data, decay=2 * np.pi * sigma, modes=None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DampedFrfs(Generic[F]):
+    """The FRFs of a problem on and below the real axis.
+
+    Attributes
+    ----------
+    problem : FrfInputs
+    continuation : Continuation
+    """
+
+    problem: F
+    continuation: Continuation
+
+    def at(self, share: float) -> F | None:
+        """Return the problem at a decay rate in parts of the band [-], None where its lines allow none."""
+        return damped(self.problem, share, self.continuation)

@@ -6,5 +6,8 @@ EXPLAINED_LEVEL = 0.3
 FULL_LINES = 100
 """Lines of full fits, and as how many the lines of any fit count unless it is said otherwise."""
 
+BASIS_LINES = 16, 24
+"""At how many lines responses of a fitted model join its basis, once and again."""
+
 MOST_SPLITS = 4
 """Largest number of pieces of an element."""

@@ -45,14 +45,14 @@ class EffectPrior:
         return max(abs(x), self.least) * self.range / float(np.sqrt(2 * np.pi))
 
     def mass(self, low: float, high: float) -> float:
-        """Return the probability of values between two."""
+        """Return the probability of values between two, of which there may be more than are plausible."""
         x = np.array([low, high])
         if not self.range:
             F = scipy.special.ndtr((x - self.mean) / self.std)
         else:
             size = np.abs(x) / self.least
             F = np.sign(x) * np.where(size < 1, size, 1 + np.log(np.maximum(size, 1.0))) / self.range
-        return abs(float(F[1] - F[0]))
+        return min(abs(float(F[1] - F[0])), 1.0)
 
 
 def prior_of(problem: Surrounded, effect: Effect, variable: ScaledUnknown) -> EffectPrior:

@@ -2,121 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
-from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
-from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, parameter_values
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.summary import counted, span, summary
+from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.inference.bases import with_responses
+from updating.inference.damped import DampedFrfs, continuation_of
+from updating.inference.defaults import BASIS_LINES
+from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
-from updating.inference.fit_inputs import FitInputs
 from updating.inference.fit_result import FitResult
-from updating.inference.solve import Solution
-from updating.inference.unknowns import effect_unknowns, nuisance_unknowns
+from updating.inference.form_scatter import FormScatter
+from updating.inference.frf_function import FrfFunction
+from updating.inference.frf_inputs import FrfInputs
+from updating.inference.joint_fit import mode_problem_of, with_modes
+from updating.inference.mode_fit import ComputedModes
+from updating.inference.mode_targets import ModeTargets
+from updating.inference.problem import Problem
+from updating.inference.scatter import form_scatter
+from updating.inference.unknowns import nuisance_unknowns
 from updating.least_squares.loss import pseudo_huber
+from updating.measurement.measurement import Measurement
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FitProblem(FitInputs):
-    """A fit of all that may vary and of candidates: its residuals, the fitted FRFs and their errors."""
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FitProblem(FrfInputs, Problem[FitData]):
+    """A fit to FRFs of all that may vary and of candidates: its residuals, the fitted FRFs and their errors.
 
-    def __repr__(self) -> str:
-        """Return the data, the unknowns and the size of the basis on one line."""
-        data, vary = self.data.measurement, counted(len(self.nuisances), "uncertain parameter")
-        band = span(self.data.frequency, "Hz")
-        ends = f"{counted(len(data.sensors), 'sensor')}, {counted(len(data.excitations), 'excitation')}"
-        size = f"{counted(self.n_modes, 'mode')} in {band}"
-        return summary(self, f"{vary}, {size}, at most {counted(self.n_lines, 'line')} fitted; {ends}")
+    Attributes
+    ----------
+    make_function : callable
+        Makes the residuals, of the arguments of :class:`updating.inference.frf_function.FrfFunction`.
+    """
 
-    def unloaded(self, result: FitResult) -> FitProblem:
-        """Return a problem without masses of roving sensors, its data freed of them by a fitted model.
+    make_function: Callable[..., FrfFunction] = FrfFunction
 
-        For rankings and checks, which take all responses to be of one structure.
-        """
-        m = self.data.measurement
-        if not m.roving_masses:
-            return self
-        sensors = tuple(replace(s, mass=0.0) if s.roving else s for s in m.sensors)
-        free = replace(self, data=replace(self.data, measurement=replace(m, sensors=sensors)))
-        loaded = self.receptance(result)
-        ratio = free.receptance(result) / np.where(loaded != 0, loaded, 1.0)
-        return replace(free, data=replace(free.data, H=self.data.H * ratio))
+    @property
+    def stages(self) -> NDArray[np.float64]:
+        """Upper ends of the bands [Hz]."""
+        return self.bands
 
     def function(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
-    ) -> FitFunction:
-        """Return the residuals at some lines as a function of all that varies.
+    ) -> FrfFunction:
+        """Return the residuals at some lines as a function of all that varies."""
+        function = self.make_function(self, tuple(effects), *self.unknowns(effects, starts), lines)
+        return function.with_scatter(self.scatter)
 
-        Parameters
-        ----------
-        effects : sequence of Effect
-            Candidates to add to the model.
-        starts : sequence of dict
-            For each of them the parameter values to start from.
-        lines : ndarray of int
-        """
-        fixed = {ref for e in effects for ref in e.replaces()}
-        varying = [n for n in self.nuisances if not fixed.intersection(n.refs)]
-        nuisance = nuisance_unknowns(self.reduced.model, varying)
-        variables = (*nuisance, *effect_unknowns(effects, starts))
-        start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
-        return FitFunction(self, tuple(effects), variables, start, lines).with_scatter(self.scatter)
-
-    def with_forces_of(self, result: FitResult) -> FitProblem:
-        """Return the problem on a basis with the responses to the forces of a fit's effects.
-
-        On a basis without them the same fit has other FRFs: modes and other responses hardly bend where a
-        crack or a released end does.
-        """
-        reduced = self.reduced.with_forces_of(result.effects)
-        return self if reduced is self.reduced else replace(self, reduced=reduced)
-
-    def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
-        """Return the fitted model's receptances as the sensors read them, at some or all lines."""
-        lines = np.arange(len(self.data.frequency)) if lines is None else lines
-        if any(e.amplitude_dependent for e in result.effects):
-            return self.steady(result, lines).H
-        f = self.data.frequency[lines]
-        refs = list(result.values)
-        there = self.with_forces_of(result)
-        engine = there.engine(f, refs, result.effects, channels=result.channels)
-        zeta = self.damping.ratio(f, result.zeta)
-        at = np.array([result.values[r] for r in refs])
-        H, _, _ = self.in_set_ups(engine).evaluate(at, zeta, gradient=False)
-        return H
-
-    def vectors_with(self, element: AmplitudeDependent) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return sensors and excitations, each with the motion that an element acts on as the last."""
-        b = np.zeros((self.reduced.model.n_dof, 1))
-        dofs, row = element.strain(self.reduced.model, element.direction)
-        b[dofs, 0] = row
-        outputs, inputs = self.vectors
-        return np.hstack([outputs, b]), np.hstack([inputs, b])
-
-    def steady(self, result: FitResult, lines: NDArray[np.int64]) -> Steady:
-        """Return the steady vibration at the data's level of force with one effect that depends on amplitude.
-
-        Without a level the effect keeps the amplitude that it has.
-        """
-        (element,) = (e for e in result.effects if isinstance(e, AmplitudeDependent))
-        linear = [e for e in result.effects if e is not element]
-        there = self.with_forces_of(result)
-        refs = [ref for ref in result.values if ref[0] != element.name]
-        f = self.data.frequency[lines]
-        ends = self.vectors_with(element)
-        engine = ParametricFRF(there.reduced, *ends, f, refs, linear, viscous=self.viscous)
-        zeta = self.damping.ratio(f, result.zeta)
-        block, _, _ = engine.evaluate(np.array([result.values[r] for r in refs]), zeta, gradient=False)
-        measured = np.where(self.data.mask[lines], self.data.H[lines], 0.0)
-        force = self.data.measurement.force_level
-        return solve_steady(element, force, Receptances.of(block), measured)
+    def residuals(
+        self,
+        effects: Sequence[Effect] = (),
+        starts: Sequence[dict[str, float]] = (),
+        stage: float | None = None,
+        n_lines: int | None = None,
+    ) -> FitFunction[Any]:
+        """Return the residuals of lines, and of measured modes, up to a frequency [Hz]."""
+        top = np.inf if stage is None else stage
+        function = self.function(effects, starts, self.lines_up_to(top, n_lines or self.n_lines))
+        return with_modes(self, function, top)
 
     def deviation(
         self, result: FitResult, lines: NDArray[np.int64] | None = None
@@ -140,34 +90,101 @@ class FitProblem(FitInputs):
         return propagated(function, x, function.units, result.covariance).reshape(function.keep.shape)
 
     def nominal(self) -> FitResult:
-        """Return the model as it was given, unfitted."""
-        n = len(self.nuisances)
-        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
-        empty = Solution(np.zeros(n), np.nan, np.nan, 0, True, np.zeros((n, n)))
-        values = {
-            ref: value
-            for v in variables
-            for ref, value in zip(v.refs, v.moved(v.start).tolist(), strict=True)
-        }
-        zero = dict.fromkeys(values, 0.0)
-        known = self.data.measurement.channel_errors
-        bare = FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan, channels=known)
-        return self.assessed(bare)
+        """Return the model as it was given, unfitted, with its errors."""
+        bare = FrfInputs.nominal(self)
+        return self.assessed(replace(bare, channels=self.data.measurement.channel_errors))
 
-    def with_even_damping(self, result: FitResult) -> FitResult:
-        """Return a result whose damping ratios are a power of frequency, by medians of slopes and of levels.
+    @property
+    def measured_words(self) -> str:
+        """The kind of data, in the singular."""
+        return "measured FRF" if self.modes is None else "measured mode or measured FRF"
 
-        A fit may leave a part of the band with ratios far from its neighbours', where they cost little: of
-        eight knots two may be anything. Theil and Sen's line through ln ζ over ln f at the knots (Sen, *J.
-        Am. Stat. Assoc.* 63, 1968, 1379).
+    @property
+    def measured_modes(self) -> ModeTargets | None:
+        """Measured modes that are fitted beside the FRFs."""
+        return self.modes
+
+    def computed_modes(self, result: FitResult) -> ComputedModes | None:
+        """Return the partners of the measured modes in a fitted model."""
+        mode_problem = mode_problem_of(self)
+        return None if mode_problem is None else mode_problem.computed(result)
+
+    def small_deviations(
+        self, result: FitResult, size: float | None = None, share: float = 1.0
+    ) -> FormScatter | None:
+        """Return the small deviations that the form has besides its parameters, at a fitted model."""
+        return form_scatter(self, result, size, share)
+
+    def damped_frfs(self) -> DampedFrfs[Self] | None:
+        """Return the FRFs at complex frequencies, where fits converge from far away."""
+        continuation = continuation_of(self)
+        return None if continuation is None else DampedFrfs(self, continuation)
+
+    def with_other_damping(self) -> Self:
+        """Return the problem with the other form of damping between resonances."""
+        return replace(self, viscous=not self.viscous)
+
+    def better_basis(
+        self, result: FitResult, n_lines: int = BASIS_LINES[0]
+    ) -> tuple[float, ReducedModel] | None:
+        """Return the error of the basis [nepers], and one with responses of a fitted model at some lines."""
+        return with_responses(self, result, n_lines)
+
+    def with_seen_noise(self, result: FitResult) -> Self:
+        """Return the problem with its noise reduced to what residuals of neighbouring lines differ by.
+
+        A model's residuals are smooth over frequency but near resonances, so that their second differences
+        hold the noise, and no less.
         """
-        n = len(self.damping.knots)
-        f, zeta = np.log(self.damping.knots), np.log(result.zeta[:n])
-        i, j = np.triu_indices(n, 1)
-        slope = float(np.median((zeta[j] - zeta[i]) / (f[j] - f[i]))) if n > 1 else 0.0
-        even = slope * f + np.median(zeta - slope * f)
-        lo, hi = self.damping.limits[:n].T
-        return replace(result, zeta=np.concatenate([np.exp(np.clip(even, lo, hi)), result.zeta[n:]]))
+        data = self.data
+        ratio = data.seen(log_ratio(self.receptance(result), np.where(data.mask, data.H, 1.0)))
+        r = data.weight * np.nan_to_num(ratio)
+        there = data.mask[:-2] & data.mask[1:-1] & data.mask[2:]
+        if not there.any():
+            return self
+        seen = pseudo_huber((r[:-2] - 2 * r[1:-1] + r[2:])[there] / np.sqrt(6), ROBUST).mean()
+        square = (data.weight * data.noise) ** 2
+        stated = data.n_parts * ((square[:-2] + 4 * square[1:-1] + square[2:])[there] / 6).mean()
+        scale = min(1.0, float(seen / stated))
+        return replace(self, data=replace(data, noise=data.noise * np.sqrt(scale)))
+
+    def resampled(self, result: FitResult, misfit: Mapping[str, float], rng: np.random.Generator) -> Self:
+        """Return the problem with FRFs of a fitted model with noise and other small deviations."""
+        mode_problem = mode_problem_of(self)
+        modes = None if mode_problem is None else mode_problem.resampled(result, misfit, rng).data
+        data, scale = self.data, np.sqrt(max(misfit.get("frf", 1.0), 1.0))
+        function = self.function((), (), np.arange(len(data.frequency)))
+        x = function.moved_to(result)
+        if self.scatter is not None:
+            x[-len(self.scatter.std) :] = rng.standard_normal(len(self.scatter.std))
+        H, kept = data.H.copy(), data.mask & (data.weight > 0)
+        ratio = function(x, False)[0] / data.weight[data.mask]
+        ratio = ratio[data.weight[data.mask] > 0]
+        real, imaginary = rng.standard_normal((2, int(kept.sum())))
+        noise = scale * data.noise[kept] * (real + 1j * imaginary)
+        if not data.phase:  # amplitudes alone: noise of the logarithm
+            H[kept] = H[kept] * np.exp(ratio + noise.real)
+        else:
+            H[kept] = H[kept] * np.exp(ratio) + abs(H[kept]) * noise
+        return replace(self, data=replace(data, H=H), modes=modes)
+
+    def test_of(self, result: FitResult) -> Measurement:
+        """Return the test with the form of damping and the errors of channels that a fit has found."""
+        described = replace(self.data.measurement, viscous=self.viscous)
+        return described.with_channel_errors(result.channels)
+
+    def strain(self, result: FitResult) -> float:
+        """Return the largest distance of an uncertain parameter or channel from nominal.
+
+        In prior standard deviations [-].
+        """
+        std = self.data.measurement.errors.std
+        z = result.channels / np.where(std > 0, std, 1.0)
+        return float(np.abs([*self.strains(result).values(), *z.ravel()]).max(initial=0.0))
+
+    def far_start(self, result: FitResult) -> FitResult:
+        """Return a result with all that is uncertain but damping at its nominal value."""
+        return replace(self.at_nominal(result), scatter=np.zeros(0)).as_described()
 
     def strains(self, result: FitResult) -> dict[ParameterRef, float]:
         """Return how far nuisance parameters lie from their nominal values, in prior standard deviations."""
@@ -175,19 +192,13 @@ class FitProblem(FitInputs):
         known = ((v, v.to_x(result.values[v.ref])) for v in variables if v.ref in result.values)
         return {v.ref: (x - v.mean) / v.std for v, x in known if v.has_prior}
 
-    def at_nominal(self, result: FitResult) -> FitResult:
-        """Return a result with the nuisance parameters of the model back at their nominal values.
+    def assessed(self, result: FitResult, H: NDArray[np.complex128] | None = None) -> FitResult:
+        """Return a result with its errors on fitted and on held-out lines.
 
-        Damping stays.
+        ``H`` are its receptances, where they are known, (n_freq, n_out, n_in).
         """
-        names, nominal = {e.name for e in self.reduced.model.effects}, self.reduced.model.values()
-        values = {r: nominal[r] if r[0] in names else v for r, v in result.values.items()}
-        return replace(result, values=values)
-
-    def assessed(self, result: FitResult) -> FitResult:
-        """Return a result with its errors on fitted and on held-out lines."""
-        held_out, ratio = self.data.held_out, self.log_ratio(result)
-        lines = np.arange(len(held_out))
+        held_out, lines = self.data.held_out, np.arange(len(self.data.held_out))
+        ratio = self._log_ratio(self.receptance(result) if H is None else H, lines)
         return replace(
             result,
             fit_db=_rms(ratio.real[~held_out]),
@@ -218,19 +229,23 @@ class FitProblem(FitInputs):
     def log_ratio(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
         """Return ln(computed / measured) at some or all lines, NaN where masked."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
-        ratio = log_ratio(self.receptance(result, lines), self.data.H[lines])
+        return self._log_ratio(self.receptance(result, lines), lines)
+
+    def _log_ratio(self, H: NDArray[np.complex128], lines: NDArray[np.int64]) -> NDArray[np.complex128]:
+        ratio = log_ratio(H, self.data.H[lines])
         return np.where(self.data.mask[lines], self.data.seen(ratio), complex("nan"))
 
     def frf(self, result: FitResult) -> FRF:
         """Return the fitted model's FRFs in the kind of the measurement."""
-        return self._as_measured(self.receptance(result))
+        return self.as_measured(self.receptance(result))
 
     @property
     def measured(self) -> FRF:
         """The measured FRFs as they were compared: in the band, wrong signs set right."""
-        return self._as_measured(self.data.H)
+        return self.as_measured(self.data.H)
 
-    def _as_measured(self, H: NDArray[np.complex128]) -> FRF:
+    def as_measured(self, H: NDArray[np.complex128]) -> FRF:
+        """Return receptances as FRFs in the kind of the measurement."""
         m = self.data.measurement.frf
         frf = FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs, m.base, m.strain)
         frf = frf.as_kind(m.kind)

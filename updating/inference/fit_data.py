@@ -105,6 +105,16 @@ class FitData:
         return self.measurement.phase
 
     @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """Numbers on which a fit depends."""
+        return self.frequency, self.H, self.mask, self.noise
+
+    @property
+    def has_damping(self) -> bool:
+        """Whether fits see damping: resonances always show it."""
+        return True
+
+    @property
     def n_parts(self) -> int:
         """Parts of ln H that were measured: its real part, ln |H|, and with a phase its imaginary part."""
         return 2 if self.phase else 1

@@ -1,34 +1,29 @@
-"""Weighted residuals of a fit as a function of its unknowns, and their minimum."""
+"""Weighted residuals of a fit as a function of its unknowns, and their minimum, of any kind of data."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef
-from fem.reduction.deviations import Deviations
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.set_ups import SetUpsFRF
-from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.effect_priors import EffectPrior, prior_of
-from updating.inference.fit_data import noise_squares
 from updating.inference.fit_inputs import FitInputs
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
-from updating.inference.heartbeat import beat
 from updating.inference.marginal import Quadratic
 from updating.inference.solve import TOLERANCE, Prior, Report, Residual, Solution, solve_robust
-from updating.inference.unknowns import ScaledUnknown, by_unknowns, values_at
+from updating.inference.unknowns import ScaledUnknown, values_at
 from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
-from updating.measurement.channel_errors import N_ERRORS
 
 ROBUST = 0.5
 """Residual at which the loss turns from quadratic to linear [nepers]."""
+P = TypeVar("P", bound=FitInputs[Any], covariant=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +47,14 @@ class Errors:
     frf_db: float = np.nan
     lost: tuple[int, ...] = ()
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing that was measured has a counterpart in the model."""
+        return bool(np.isnan([self.frequency, self.frf_db]).all())
+
 
 @dataclass(eq=False)
-class FitFunction:
+class FitFunction(ABC, Generic[P]):
     """Residuals of a fit at some lines, as a function of all that varies.
 
     x holds the variables (nuisance parameters, then those of the effects), the logarithms of the damping
@@ -67,27 +67,75 @@ class FitFunction:
     variables : tuple of ScaledUnknown
     start : ndarray (n,)
     lines : ndarray of int
+        Of FRFs, or modes.
     scatter : FormScatter, optional
         Small deviations.
     """
 
-    problem: FitInputs
+    problem: P
     effects: tuple[Effect, ...]
     variables: tuple[ScaledUnknown, ...]
     start: NDArray[np.float64]
     lines: NDArray[np.int64]
     scatter: FormScatter | None = None
-    # The end of a fit is asked for again.
-    _end: tuple[bytes, NDArray[np.complex128], NDArray[np.complex128]] | None = field(
-        default=None, init=False, repr=False
-    )
 
-    def with_scatter(self, scatter: FormScatter | None) -> FitFunction:
+    @abstractmethod
+    def __call__(
+        self, x: NDArray[np.float64], gradient: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        """Return the weighted residuals, (m,), and their Jacobian, (n, m), if asked."""
+
+    @property
+    @abstractmethod
+    def groups(self) -> NDArray[np.int64]:
+        """Group of each residual, (m,); each has its own level of error."""
+
+    @property
+    @abstractmethod
+    def of_modes(self) -> NDArray[np.bool_]:
+        """Which groups are those of modes, (n_groups,)."""
+
+    @abstractmethod
+    def noise(self) -> NDArray[np.float64]:
+        """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
+
+    @abstractmethod
+    def allowed_squares(self) -> NDArray[np.float64]:
+        """Return the mean squares that a right model may leave beyond noise, of each group."""
+
+    @abstractmethod
+    def errors(self, x: NDArray[np.float64]) -> Errors:
+        """Return how far the computed model is from what was measured."""
+
+    @abstractmethod
+    def levels(self, stage: float = np.inf, counted_as: int = 0) -> Costs:
+        """Return how probable error levels are of the groups.
+
+        Parameters
+        ----------
+        stage : float
+            The lines reach up to this frequency [Hz].
+        counted_as : int
+            Number of lines of the full band that they represent, at most all; their own number unless given.
+        """
+
+    @abstractmethod
+    def words_of(self, stage: float) -> str:
+        """Return the name of a stage of the fit."""
+
+    def changes_of_modes(self, x: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the largest change of each mode by steps of single unknowns (n,), if modes alone are fitted.
+
+        In standard deviations, (n_modes,); without entries for other data [-].
+        """
+        return np.zeros(0)
+
+    def with_scatter(self, scatter: FormScatter | None) -> Self:
         """Return the function with small deviations among its unknowns."""
         if scatter is None:
             return self
         start = np.append(self.start, np.zeros(len(scatter.std)))
-        return FitFunction(self.problem, self.effects, self.variables, start, self.lines, scatter)
+        return replace(self, start=start, scatter=scatter)
 
     @property
     def _parts(self) -> tuple[slice, slice, slice]:
@@ -96,86 +144,9 @@ class FitFunction:
         return slice(n), slice(n, m), slice(m, None)
 
     @property
-    def keep(self) -> NDArray[np.bool_]:
-        """Which values count, (n_lines, n_out, n_in)."""
-        return self.problem.data.mask[self.lines]
-
-    @property
     def refs(self) -> list[ParameterRef]:
         """Parameters that the variables move, in their order."""
         return [ref for v in self.variables for ref in v.refs]
-
-    # The engine is made at the first evaluation: many functions are made for their bounds and priors alone.
-
-    @cached_property
-    def _engine(self) -> ParametricFRF | SetUpsFRF:
-        frequency, refs = self.problem.data.frequency[self.lines], self.refs
-        none = np.zeros((self.problem.reduced.model.n_dof, 0))
-        deviations = Deviations(none, none) if self.scatter is None else self.scatter.deviations
-        if self.scatter is not None and self.scatter.channels is not None:
-            n_out = len(self.problem.data.measurement.sensors)
-            outputs, inputs = self.scatter.channels.changes(self.problem.misread, n_out)
-            deviations = replace(deviations, outputs=outputs, inputs=inputs)
-        engine = self.problem.engine(frequency, refs, self.effects, deviations=deviations)
-        return self.problem.in_set_ups(engine)
-
-    @cached_property
-    def _damping(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Hat functions and offset of the damping curve at the lines."""
-        curve, frequency = self.problem.damping, self.problem.data.frequency[self.lines]
-        return curve.hats(frequency), curve.offset(frequency)
-
-    @cached_property
-    def _measured(self) -> NDArray[np.complex128]:
-        """Measured receptances at the lines, 1 where they do not count, so that their logarithm exists."""
-        measured = self.problem.data.H[self.lines]
-        return np.where(self.keep & (measured != 0), measured, 1.0)
-
-    def __call__(
-        self, x: NDArray[np.float64], gradient: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
-        """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
-        at = x.tobytes()
-        if self._end is not None and self._end[0] == at:
-            return self._end[1:]
-        r, J = self._evaluated(x, gradient)
-        if J is not None:
-            self._end = at, r, J
-        return r, J
-
-    def _evaluated(
-        self, x: NDArray[np.float64], gradient: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
-        beat()
-        keep, weight = self.keep, self.problem.data.weight[self.lines]
-        (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
-        values = values_at(self.variables, x[parameters])
-        zeta, std = np.exp(hats @ x[damping] + offset), self._scatter_std
-        H, dH, dH_dzeta = self._engine.evaluate(np.append(values, std * x[scatter]), zeta, gradient)
-        r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
-        r = self.problem.data.seen(r)
-        if not gradient or dH is None or dH_dzeta is None:
-            return r, None
-        per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)[keep]
-        n = len(values)
-        J = np.empty((len(x), r.size), dtype=complex)
-        J[parameters] = by_unknowns(self.variables, x[parameters], dH[:n][:, keep])
-        J[damping] = by_damping(zeta, hats, dH_dzeta)[:, keep]
-        J[scatter] = dH[n:][:, keep] * std[:, None]
-        J *= per
-        return r, self.problem.data.seen(J)
-
-    def receptance(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the receptances at the lines as the sensors read them, (n_lines, n_out, n_in)."""
-        (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
-        at = np.append(values_at(self.variables, x[parameters]), self._scatter_std * x[scatter])
-        H, _, _ = self._engine.evaluate(at, np.exp(hats @ x[damping] + offset), gradient=False)
-        return H
-
-    def anchor(self, x: NDArray[np.float64]) -> None:
-        """Prepare :meth:`receptance` for many x that differ from this one in few variables."""
-        own, _, scatter = self._parts
-        self._engine.anchor(np.append(values_at(self.variables, x[own]), self._scatter_std * x[scatter]))
 
     @property
     def _scatter_std(self) -> NDArray[np.float64]:
@@ -254,11 +225,6 @@ class FitFunction:
         n = len(self._scatter_std)
         return np.vstack([bounds, self.problem.damping.limits, np.tile([-np.inf, np.inf], (n, 1))])
 
-    @property
-    def groups(self) -> NDArray[np.int64]:
-        """Band of each residual, each with its own level of error, (m,)."""
-        return np.broadcast_to(self.problem.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep]
-
     def mean_by_group(self, each: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the means of something over the residuals of each group, (n_groups,)."""
         member = np.unique(self.groups, return_inverse=True)[1]
@@ -274,42 +240,6 @@ class FitFunction:
         assert J is not None
         n_apart = 0 if self.scatter is None else self.scatter.n_channels
         return Quadratic.of(r, J, np.unique(self.groups, return_inverse=True)[1], ROBUST, levels, n_apart)
-
-    def noise(self) -> NDArray[np.float64]:
-        """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
-        return self.mean_by_group(noise_squares(self.problem.data, self.lines))
-
-    def allowed_squares(self) -> NDArray[np.float64]:
-        """Return the mean squares that a right model may leave beyond noise, of each group."""
-        problem = self.problem
-        square = (DISCREPANCY_MAX * problem.model_error) ** 2 + problem.mesh_level**2
-        return np.full(len(np.unique(self.groups)), square)
-
-    def errors(self, x: NDArray[np.float64]) -> Errors:
-        """Return how far computed FRFs are from the measured ones."""
-        # A model has no such deviations, but channels have.
-        n = len(x) - (0 if self.scatter is None else self.scatter.n_channels)
-        rows = np.arange(len(x))
-        x = np.where((rows < self._parts[2].start) | (rows >= n), x, 0.0)
-        r, weight = self(x, False)[0], self.problem.data.weight[self.lines][self.keep]
-        known = weight > 0
-        return Errors(frf_db=float(np.sqrt(((r.real[known] / weight[known]) ** 2).mean()) * DB_PER_NEPER))
-
-    def levels(self, stage: float = np.inf, counted_as: int = 0) -> Costs:
-        """Return how probable error levels are: noise, and in addition the error of beams and of the mesh.
-
-        Parameters
-        ----------
-        stage : float
-            The lines reach up to this frequency [Hz].
-        counted_as : int
-            Number of lines of the full band that they represent, at most all; their own number unless given.
-        """
-        problem = self.problem
-        sizes = np.unique(self.groups, return_counts=True)[1].astype(float)
-        if counted_as:
-            sizes *= len(problem.lines_up_to(stage, counted_as)) / len(self.lines)
-        return problem.likelihood(problem.n_independent(stage) * sizes / sizes.sum(), sizes, self.noise())
 
     def minimise(
         self,
@@ -368,12 +298,7 @@ class FitFunction:
             e.with_values(**{p.name: values[e.name, p.name] for p in e.parameters()}) for e in self.effects
         )
         zeta, level, known_x = np.exp(x[damping]), float(np.sqrt(solution.misfit)), slice(damping.stop)
-        n, channels, apart = len(x), np.zeros((0, N_ERRORS)), np.zeros((0, N_ERRORS))
-        if self.scatter is not None and self.scatter.channels is not None:
-            known, n = self.scatter.channels, n - self.scatter.n_channels
-            n_ends = self.problem.misread.shape[1]
-            channels = known.errors(x[n:], n_ends)
-            apart = known.deviations(solution.covariance[n:, n:], n_ends)
+        n_modal = len(x) - (0 if self.scatter is None else self.scatter.n_channels) - scatter.start
         covariance = (solution.covariance * np.outer(self.units, self.units))[known_x, known_x]
         return FitResult(
             solution=solution,
@@ -385,9 +310,7 @@ class FitFunction:
             held_out_db=np.nan,
             level=level,
             covariance=covariance,
-            scatter=(x[scatter] * self._scatter_std)[: n - scatter.start],
-            channels=channels,
-            channels_std=apart,
+            scatter=(x[scatter] * self._scatter_std)[:n_modal],
         )
 
 
@@ -403,23 +326,3 @@ def propagated(
     J = J / units[:, None]
     variance = np.einsum("im,ij,jm->m", J.real, covariance, J.real, optimize=True)
     return np.sqrt(np.maximum(variance, 0.0))
-
-
-def by_damping(
-    zeta: NDArray[np.float64], hats: NDArray[np.float64], by_zeta: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return derivatives by the logarithms of a damping curve's unknowns from those by ζ at each line.
-
-    Parameters
-    ----------
-    zeta : ndarray (n_freq,) or (2, n_freq)
-        As of :meth:`updating.inference.parameters.DampingCurve.ratio` [-].
-    hats : ndarray (n_freq, n_unknowns) or (2, n_freq, n_unknowns)
-    by_zeta : ndarray (n_freq, n_out, n_in) or (2, n_freq, n_out, n_in)
-
-    Returns
-    -------
-    ndarray (n_unknowns, n_freq, n_out, n_in)
-    """
-    weight = np.moveaxis(zeta[..., None] * hats, -1, 0)[..., None, None]
-    return weight * by_zeta if zeta.ndim == 1 else weight[:, 0] * by_zeta[0] + weight[:, 1] * by_zeta[1]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, ParameterRef
+from fem.model import Effect, Model, ParameterRef
 from fem.summary import counted, listed, summary
 from updating.inference.solve import Solution
 from updating.least_squares.costs import Costs
@@ -110,3 +110,10 @@ class FitResult:
         errors = f"{self.fit_db:.2f} dB on the lines of the fit, {self.held_out_db:.2f} dB held out"
         added = f"; with {listed(e.name for e in self.effects)}" if self.effects else ""
         return summary(self, f"{what}: {errors}{added}")
+
+
+def fitted_model(model: Model, result: FitResult) -> Model:
+    """Return the full model with the values and the effects of a fit."""
+    names = {e.name for e in model.effects}
+    values = {ref: v for ref, v in result.values.items() if ref[0] in names}
+    return model.with_values(values).with_effect(*result.effects)

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from fem.connection_damping import ConnectionDamping
 from fem.model import Damping, Model
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.problem import Problem
 
 Connections = tuple[NDArray[np.float64], NDArray[np.float64]] | None
 """Frequencies [Hz] and ratios of connections that are damped otherwise than the structure."""
@@ -19,9 +18,7 @@ DENSE = 64
 """Frequencies between two of a nominal curve that is no power of frequency, at which it is written [-]."""
 
 
-def fitted_damping(
-    problem: FitProblem | ModeProblem, result: FitResult, model: Model
-) -> tuple[Damping, Connections]:
+def fitted_damping(problem: Problem[Any], result: FitResult, model: Model) -> tuple[Damping, Connections]:
     """Return the fitted damping, and frequencies and ratios of connections where there are any.
 
     Both are powers of frequency between the frequencies where they are given.
@@ -43,7 +40,7 @@ def fitted_damping(
     return Damping.modal(members, at, powers=True), (at, others[0]) if connected else None
 
 
-def with_fitted_damping(problem: FitProblem | ModeProblem, result: FitResult, model: Model) -> Model:
+def with_fitted_damping(problem: Problem[Any], result: FitResult, model: Model) -> Model:
     """Return a fitted model with its damping, and that of connections where they have their own."""
     ratios, connections = fitted_damping(problem, result, model)
     damping = replace(model.damping, frequency=ratios.frequency, ratio=ratios.ratio, powers=ratios.powers)

@@ -9,23 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
-from updating.correlation import log_ratio
-from updating.inference.bases import BASIS_LINES, better_basis
-from updating.inference.damped import continuation_of, damped
-from updating.inference.defaults import FULL_LINES
+from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit import FitProblem
-from updating.inference.fit_function import ROBUST, FitFunction
+from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
-from updating.inference.joint_fit import with_modes
 from updating.inference.marginal import by_size, log_evidence, mixed
-from updating.inference.mode_fit import ModeProblem
-from updating.inference.scatter import form_scatter
+from updating.inference.problem import Problem
 from updating.inference.solve import TOLERANCE, Report, Solution
 from updating.least_squares.costs import Costs
-from updating.least_squares.loss import pseudo_huber
 
 Floats = NDArray[np.float64]
+P = TypeVar("P", bound=Problem[Any])
 FULL: dict[str, Any] = {"n_lines": FULL_LINES}
 QUICK_LINES = 40
 """Lines of quick fits."""
@@ -46,7 +41,7 @@ RANKED = ((2, 6), (6, 2))
 
 
 def fit(
-    problem: FitProblem | ModeProblem,
+    problem: Problem[Any],
     effects: Sequence[Effect] = (),
     starts: Sequence[dict[str, float]] = (),
     *,
@@ -64,7 +59,7 @@ def fit(
 
     Parameters
     ----------
-    problem : FitProblem or ModeProblem
+    problem : Problem
     effects : sequence of Effect
     starts : sequence of dict
         For each of them the parameter values to start from.
@@ -84,9 +79,7 @@ def fit(
     x: NDArray[np.float64] | None = None
     function = solution = None
     for stage in stages if stages is not None else problem.stages:
-        staged = problem.at_stage(stage) if isinstance(problem, ModeProblem) else problem
-        lines = staged.lines_up_to(stage, n_lines or staged.n_lines)
-        function = with_modes(staged, staged.function(effects, starts, lines), stage)
+        function = problem.residuals(effects, starts, stage, n_lines)
         if x is None:
             x = function.start if x_from is None else function.moved_to(x_from)
         report = None if watch is None else watch(function, stage)
@@ -104,7 +97,7 @@ def assessed_fit(problem: FitProblem, *effects: Any, **how: Any) -> FitResult:
     return problem.assessed(fit(problem, *effects, **how))
 
 
-def null_fit(problem: FitProblem, *, n_lines: int = FULL_LINES, counted_as: int = FULL_LINES) -> FitResult:
+def null_fit(problem: Problem[Any], *, n_lines: int = FULL_LINES, counted_as: int = FULL_LINES) -> FitResult:
     """Return the fit of everything that is uncertain, to nothing added.
 
     From where a fit band by band ends, with its damping and with one that is even over frequency, and from
@@ -119,25 +112,27 @@ def null_fit(problem: FitProblem, *, n_lines: int = FULL_LINES, counted_as: int 
     return max(nulls, key=lambda r: r.log_evidence)
 
 
-def far_fit(problem: FitProblem) -> FitResult | None:
+def far_fit(problem: Problem[Any]) -> FitResult | None:
     """Return a quick fit to less and less damped FRFs; None where they cannot be damped."""
-    measured, near = continuation_of(problem), None
-    for share in DECAYS if measured else ():
-        damped_problem = damped(problem, share, measured)
+    frfs, near = problem.damped_frfs(), None
+    if frfs is None:
+        return None
+    for share in DECAYS:
+        damped_problem = frfs.at(share)
         if damped_problem is not None:
             how: dict[str, Any] = {"n_lines": QUICK_LINES, "counted_as": 0, "tolerance": QUICK_NATS}
             near = fit(damped_problem, stages=damped_problem.stages[-1:], x_from=near, **how)
     return near
 
 
-def refit(problem: FitProblem | ModeProblem, result: FitResult, **how: Any) -> FitResult:
+def refit(problem: Problem[Any], result: FitResult, **how: Any) -> FitResult:
     """Fit the effects of a result again, from its values, on the full band at once.
 
     A part of the band would not determine all, such as the extent of a mass.
 
     Parameters
     ----------
-    problem : FitProblem or ModeProblem
+    problem : Problem
     result : FitResult
         Its effects are fitted, from their values; all else begins where it is there.
     **how
@@ -148,9 +143,9 @@ def refit(problem: FitProblem | ModeProblem, result: FitResult, **how: Any) -> F
 
 
 def scattered(
-    problem: FitProblem | ModeProblem,
+    problem: Problem[Any],
     result: FitResult,
-    scatter: Callable[..., FormScatter | None] = form_scatter,
+    scatter: Callable[..., FormScatter | None] = lambda problem, *at: problem.small_deviations(*at),
     *,
     n_passes: int = N_PASSES,
     **how: Any,
@@ -161,7 +156,7 @@ def scattered(
 
     Parameters
     ----------
-    problem : FitProblem or ModeProblem
+    problem : Problem
     result : FitResult
     scatter : callable
         Returns the deviations at a result, of a size.
@@ -182,17 +177,14 @@ def scattered(
     return result
 
 
-Problem = TypeVar("Problem", bound=FitProblem | ModeProblem)
-
-
 def fit_given(
-    problem: Problem,
+    problem: P,
     effects: Sequence[Effect] = (),
     others: Sequence[FitResult] = (),
     *,
     choose_damping: bool = True,
     **how: Any,
-) -> tuple[Problem, FitResult]:
+) -> tuple[P, FitResult]:
     """Return the most probable model with given effects, from their values and from their own starts.
 
     The posterior has several maxima, for instance of a joint between free and rigid. Quick fits rank the
@@ -200,7 +192,7 @@ def fit_given(
 
     Parameters
     ----------
-    problem : FitProblem or ModeProblem
+    problem : Problem
         With the form among what is uncertain, if it may vary.
     effects : sequence of Effect
         With the values to start from first.
@@ -231,7 +223,7 @@ def fit_given(
     fits += [refit(problem, near, **how) for _, near in starts if near is not None]
     result = scattered(problem, max(fits, key=lambda r: r.log_evidence), **how)
     for n_better in BASIS_LINES:
-        better = better_basis(problem, result, n_better)
+        better = problem.better_basis(result, n_better)
         if better is None:
             break
         problem = replace(problem, reduced=better[1])
@@ -242,12 +234,12 @@ def fit_given(
     return with_form_of_damping(problem, result, **how) if choose_damping else (problem, result)
 
 
-def with_form_of_damping(problem: Problem, result: FitResult, **how: Any) -> tuple[Problem, FitResult]:
+def with_form_of_damping(problem: P, result: FitResult, **how: Any) -> tuple[P, FitResult]:
     """Return a fit with the more probable form of damping between resonances, and its problem."""
-    if not isinstance(problem, FitProblem):
+    other = problem.with_other_damping()
+    if other is None:
         return problem, result
-    other = replace(problem, viscous=not problem.viscous)
-    small = replace(other, scatter=form_scatter(other, result, result.size))
+    small = replace(other, scatter=other.small_deviations(result, result.size))
     again = refit(small, result, **how)
     return (other, again) if again.log_evidence > result.log_evidence else (problem, result)
 
@@ -298,22 +290,3 @@ def _density(
     except np.linalg.LinAlgError:  # more mass taken away than there is
         return -np.inf
     return float(np.logaddexp.reduce(prior)) - levels.cost(misfit)
-
-
-def with_seen_noise(problem: FitProblem, result: FitResult) -> FitProblem:
-    """Return a problem with its noise reduced to what residuals of neighbouring lines differ by.
-
-    A model's residuals are smooth over frequency but near resonances, so that their second differences hold
-    the noise, and no less.
-    """
-    data = problem.data
-    ratio = data.seen(log_ratio(problem.receptance(result), np.where(data.mask, data.H, 1.0)))
-    r = data.weight * np.nan_to_num(ratio)
-    there = data.mask[:-2] & data.mask[1:-1] & data.mask[2:]
-    if not there.any():
-        return problem
-    seen = pseudo_huber((r[:-2] - 2 * r[1:-1] + r[2:])[there] / np.sqrt(6), ROBUST).mean()
-    square = (data.weight * data.noise) ** 2
-    stated = data.n_parts * ((square[:-2] + 4 * square[1:-1] + square[2:])[there] / 6).mean()
-    scale = min(1.0, float(seen / stated))
-    return replace(problem, data=replace(data, noise=data.noise * np.sqrt(scale)))

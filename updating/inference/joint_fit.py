@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect
-from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST, Errors, FitFunction
 from updating.inference.fit_result import FitResult
+from updating.inference.frf_function import FrfFunction
+from updating.inference.frf_inputs import FrfInputs
 from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.solve import Solution
 from updating.least_squares.costs import Costs
@@ -55,35 +56,29 @@ class JointLevels:
 
 
 @dataclass(eq=False)
-class JointFunction(FitFunction):
+class JointFunction(FitFunction[FrfInputs]):
     """Residuals of FRFs, and of modes behind them, of the same unknowns.
 
     Attributes
     ----------
-    frf : FitFunction
+    frf : FrfFunction
     modes : ModeFunction
     """
 
-    frf: FitFunction | None = None
-    modes: ModeFunction | None = None
+    frf: FrfFunction = field(kw_only=True)
+    modes: ModeFunction = field(kw_only=True)
 
     @classmethod
-    def of(cls, frf: FitFunction, modes: ModeFunction) -> JointFunction:
+    def of(cls, frf: FrfFunction, modes: ModeFunction) -> JointFunction:
         """Return both together."""
-        return cls(frf.problem, frf.effects, frf.variables, frf.start, frf.lines, frf.scatter, frf, modes)
-
-    @property
-    def both(self) -> tuple[FitFunction, ModeFunction]:
-        """The two functions."""
-        assert self.frf is not None
-        assert self.modes is not None
-        return self.frf, self.modes
+        same = frf.problem, frf.effects, frf.variables, frf.start, frf.lines, frf.scatter
+        return cls(*same, frf=frf, modes=modes)
 
     def __call__(
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the residuals (m,) and their Jacobian (n, m), if asked."""
-        frf, modes = self.both
+        frf, modes = self.frf, self.modes
         n = len(modes.start)
         r, J = frf(x, gradient)
         q, K = modes(x[:n], gradient)
@@ -96,53 +91,66 @@ class JointFunction(FitFunction):
     @property
     def groups(self) -> NDArray[np.int64]:
         """Band of each residual of an FRF, and kind of each of a mode, (m,)."""
-        frf, modes = self.both
+        frf, modes = self.frf, self.modes
         return np.concatenate([frf.groups, OF_MODES + modes.groups])
+
+    @property
+    def of_modes(self) -> NDArray[np.bool_]:
+        """Which groups are those of modes, (n_groups,)."""
+        return np.concatenate([self.frf.of_modes, self.modes.of_modes])
 
     def noise(self) -> Floats:
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
-        frf, modes = self.both
+        frf, modes = self.frf, self.modes
         return np.concatenate([frf.noise(), modes.noise()])
 
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
-        frf, modes = self.both
+        frf, modes = self.frf, self.modes
         return np.concatenate([frf.allowed_squares(), modes.allowed_squares()])
 
     def errors(self, x: Floats) -> Errors:
         """Return how far computed FRFs and modes are from the measured ones."""
-        frf, modes = self.both
+        frf, modes = self.frf, self.modes
         return replace(modes.errors(x[: len(modes.start)]), frf_db=frf.errors(x).frf_db)
 
     def levels(self, stage: float = np.inf, counted_as: int = 0) -> JointLevels:
         """Return the levels of both."""
-        frf, modes = self.both
+        frf, modes = self.frf, self.modes
         return JointLevels(frf.levels(stage, counted_as), modes.levels())
+
+    def words_of(self, stage: float) -> str:
+        """Return up to which frequency the fit goes."""
+        return self.frf.words_of(stage)
 
     def result(self, solution: Solution) -> FitResult:
         """Return a solution as values; the level is that of the FRFs [nepers]."""
-        frf, _ = self.both
-        r, _ = frf(solution.x, False)
-        return replace(frf.result(solution), level=float(np.sqrt(pseudo_huber(r, ROBUST).mean())))
+        r, _ = self.frf(solution.x, False)
+        return replace(self.frf.result(solution), level=float(np.sqrt(pseudo_huber(r, ROBUST).mean())))
 
 
-def mode_problem_of(problem: FitProblem, effects: Sequence[Effect] = ()) -> ModeProblem | None:
+def mode_problem_of(problem: FrfInputs, effects: Sequence[Effect] = ()) -> ModeProblem | None:
     """Return the fit to the modes that a problem has in addition to FRFs, on a basis for given effects."""
     if problem.modes is None:
         return None
-    reduced = problem.reduced.with_forces_of(effects)
-    return ModeProblem(reduced, problem.modes, problem.nuisances, problem.damping, problem.model_error)
+    return ModeProblem(
+        reduced=problem.reduced.with_forces_of(effects),
+        data=problem.modes,
+        nuisances=problem.nuisances,
+        damping=problem.damping,
+        model_error=problem.model_error,
+    )
 
 
-def with_modes(problem: FitProblem | ModeProblem, function: FitFunction, stage: float) -> FitFunction:
+def with_modes(problem: FrfInputs, function: FrfFunction, stage: float) -> FitFunction[FrfInputs]:
     """Return a function of FRFs with the modes of its problem up to a frequency [Hz], if it has any."""
-    mode_problem = mode_problem_of(problem) if isinstance(problem, FitProblem) else None
+    mode_problem = mode_problem_of(problem)
     if mode_problem is None:
         return function
-    fitted = mode_problem.targets.fitted
-    lines = fitted[mode_problem.targets.frequency[fitted] <= stage]
+    fitted = mode_problem.data.fitted
+    lines = fitted[mode_problem.data.frequency[fitted] <= stage]
     if not lines.size:
         return function
     start = function.start[: len(function.variables) + len(problem.damping.start)]  # without scatter
-    modes = ModeFunction(mode_problem, function.effects, function.variables, start, lines)  # type: ignore[arg-type]
+    modes = ModeFunction(mode_problem, function.effects, function.variables, start, lines)
     return JointFunction.of(function, modes)

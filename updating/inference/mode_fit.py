@@ -2,36 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.analysis.modes import n_unstable, solve_eigenpairs
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt, ParametricModes
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import ReducedTerm
+from fem.system import assemble
+from updating.inference.bases import BASIS_SHARE
 from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.common_errors import CommonErrors
-from updating.inference.defaults import EXPLAINED_LEVEL
+from updating.inference.defaults import BASIS_LINES, EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.fit_function import ROBUST, Errors, FitFunction, propagated
-from updating.inference.fit_result import FitResult
+from updating.inference.fit_result import FitResult, fitted_model
 from updating.inference.mode_targets import (
     ALIEN_WIDTH,
     FAR,
     LEAST_MAC,
     SPREAD_BEFORE,
+    ComputedModes,
     Matched,
     ModeTargets,
     match,
 )
-from updating.inference.parameters import DampingCurve
+from updating.inference.problem import Problem
 from updating.inference.solve import Solution
-from updating.inference.unknowns import Uncertain, by_unknowns, effect_unknowns, nuisance_unknowns, values_at
+from updating.inference.unknowns import by_unknowns, values_at
 from updating.inference.visible_modes import visible_modes
 from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
@@ -53,6 +57,10 @@ BAD_STD = np.array([ALIEN_WIDTH, 1.0, 1.0])
 """Standard deviations of ln f, ln ζ and components of a shape that do not belong, as of another mode [-]."""
 DOUBT = 0.01
 """Probability from which on a reading may be a bad one [-]."""
+HIGHEST = 1.2
+"""Modes up to this multiple of the highest measured frequency join the basis of a fit [-]."""
+BASIS_NATS = 0.1
+"""A basis of the places of effects is as good where the likelihood on it differs by less [nats]."""
 BEFORE_FIT = 0.01
 """Relative deviation of frequencies that a fair model has before a fit [-]."""
 
@@ -62,23 +70,14 @@ Partners = list[tuple[int, int, DampedMode] | None]
 """Measured mode, computed mode and that with its damping, None for one without a partner."""
 
 
-@dataclass(frozen=True, eq=False)
-class ModeProblem:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModeProblem(Problem[ModeTargets]):
     """Everything that a fit to modes needs but the candidates.
+
+    What frame theory leaves of frequencies, damping and shapes grows in proportion to the model's error.
 
     Attributes
     ----------
-    reduced : ReducedModel
-    targets : ModeTargets
-    nuisances : tuple of Nuisance or Unknown
-    damping : DampingCurve
-    model_error : float
-        As of :class:`updating.inference.fit.FitProblem`: what frame theory leaves of frequencies, damping and
-        shapes grows in proportion.
-    mesh_level : float
-        Relative error of frequencies that the mesh leaves [-].
-    scatter : None
-        Small deviations are those of FRFs.
     common : CommonErrors or None
         Errors that the residuals of the fitted modes have in common.
     bad_prior : float
@@ -87,17 +86,24 @@ class ModeProblem:
         Of the structure; NaN where modes that hardly move the sensors count as seen [kg].
     """
 
-    reduced: ReducedModel
-    targets: ModeTargets
-    nuisances: tuple[Uncertain, ...]
-    damping: DampingCurve
-    model_error: float = EXPLAINED_LEVEL
-    mesh_level: float = 0.0
-    scatter: None = None
-    n_lines: int = 0
     common: CommonErrors | None = None
     bad_prior: float = 0.0
     mass: float = np.nan
+
+    @property
+    def targets(self) -> ModeTargets:
+        """The measured modes."""
+        return self.data
+
+    @property
+    def measured_words(self) -> str:
+        """The kind of data, in the singular."""
+        return "measured mode"
+
+    @property
+    def measured_modes(self) -> ModeTargets:
+        """The measured modes."""
+        return self.data
 
     @property
     def stages(self) -> Floats:
@@ -113,7 +119,7 @@ class ModeProblem:
 
         All readings belong there: far from the data any may seem bad, and a bad one moves nothing.
         """
-        return self if factor == 1 else replace(self.believed, targets=self.targets.with_deviations(factor))
+        return self if factor == 1 else replace(self.believed, data=self.data.with_deviations(factor))
 
     @property
     def believed(self) -> ModeProblem:
@@ -139,19 +145,9 @@ class ModeProblem:
         return self.function((), (), self.targets.fitted).log_density
 
     @property
-    def form_right(self) -> bool:
-        """Whether the residual may only be noise and the mesh's error."""
-        return self.model_error == 0
-
-    @property
     def discrepancy(self) -> Floats:
         """Largest plausible size of what the form leaves of frequencies, damping and shapes, (3,) [-]."""
         return LARGEST_DISCREPANCY * self.model_error / EXPLAINED_LEVEL
-
-    @property
-    def data(self) -> ModeTargets:
-        """The measured modes."""
-        return self.targets
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return the modes that are fitted, all of them: there are few."""
@@ -181,12 +177,17 @@ class ModeProblem:
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
     ) -> ModeFunction:
         """Return the residuals of some measured modes as a function of all that varies."""
-        fixed = {ref for e in effects for ref in e.replaces()}
-        varying = [n for n in self.nuisances if not fixed.intersection(n.refs)]
-        nuisance = nuisance_unknowns(self.reduced.model, varying)
-        variables = (*nuisance, *effect_unknowns(effects, starts))
-        start = np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
-        return ModeFunction(self, tuple(effects), variables, start, lines)  # type: ignore[arg-type]
+        return ModeFunction(self, tuple(effects), *self.unknowns(effects, starts), lines)
+
+    def residuals(
+        self,
+        effects: Sequence[Effect] = (),
+        starts: Sequence[dict[str, float]] = (),
+        stage: float | None = None,
+        n_lines: int | None = None,
+    ) -> ModeFunction:
+        """Return the residuals of all modes, whose deviations are larger by the factor of a stage."""
+        return self.at_stage(1.0 if stage is None else stage).function(effects, starts, self.data.fitted)
 
     def surroundings(self, key: tuple[str, str]) -> float:
         """Return the median impedance of the structure to motion along a released constraint [N/m, N·m/rad].
@@ -196,29 +197,86 @@ class ModeProblem:
         f = self.targets.frequency
         return self.reduced.impedance(key, (2 * np.pi * np.linspace(f[0], f[-1], 30)) ** 2)
 
-    def nominal(self) -> FitResult:
-        """Return the model as it was given, unfitted."""
-        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
-        n = len(variables)
-        empty = Solution(np.zeros(n), np.nan, np.nan, 0, True, np.zeros((n, n)))
-        values = {
-            ref: value
-            for v in variables
-            for ref, value in zip(v.refs, v.moved(v.start).tolist(), strict=True)
-        }
-        zero = dict.fromkeys(values, 0.0)
-        return FitResult(empty, values, zero, self.damping.start, (), np.nan, np.nan, np.nan)
+    def at_places_of(self, result: FitResult) -> Self | None:
+        """Return the problem on a basis with the forces of effects at the places to which a fit moved them.
 
-    def at_nominal(self, result: FitResult) -> FitResult:
-        """Return a result with the nuisance parameters of the model back at their nominal values."""
-        names, nominal = {e.name for e in self.reduced.model.effects}, self.reduced.model.values()
-        values = {r: nominal[r] if r[0] in names else v for r, v in result.values.items()}
-        return replace(result, values=values)
+        Frequencies know a place by the stiffness there alone, which is too high where the basis lacks them.
+        None where that hardly changes the likelihood.
+        """
+        there = self.with_forces_of(result)
+        function = there.function(result.effects, start_of(result.effects), self.data.fitted)
+        change = result.log_likelihood_at(function.misfit(function.point_of(result))) - result.log_likelihood
+        return None if abs(change) < BASIS_NATS else there
 
-    def with_forces_of(self, result: FitResult) -> ModeProblem:
-        """Return the problem on a basis with the responses to the forces of a fit's effects."""
-        reduced = self.reduced.with_forces_of(result.effects)
-        return self if reduced is self.reduced else replace(self, reduced=reduced)
+    def better_basis(
+        self, result: FitResult, n_lines: int = BASIS_LINES[0]
+    ) -> tuple[float, ReducedModel] | None:
+        """Return the relative error of frequencies by the basis [-], and one with modes of a fitted model.
+
+        None where the error is small against the noise, or the model is unstable.
+        """
+        model = fitted_model(self.reduced.model, result)
+        top = HIGHEST * float(self.data.frequency[-1])
+        try:
+            system = assemble(model, reciprocal=False)
+            # Unstable beyond the basis: its shapes would make fits unstable, too. Far below zero lies one
+            # eigenvalue, beside which all others look alike: to compute them would take minutes.
+            if n_unstable(system):
+                return None
+            pairs = solve_eigenpairs(system, max_frequency=top, unstable=True)
+            f = np.sqrt(np.maximum(pairs.eigenvalues[pairs.n_rigid :], 0.0)) / (2 * np.pi)
+            if (f <= 0).any():
+                return None
+            refs = list(result.values)
+            at = self.parametric(self.data.fitted, refs, result.effects).at(
+                np.array([result.values[r] for r in refs]),
+                self.damping.ratio(self.data.frequency[self.data.fitted], result.zeta),
+            )
+            reduced = at.pairs(0)
+            g = reduced.frequency[reduced.n_rigid :]
+            n = min(len(f), len(g))
+            error = float(np.abs(np.log(g[:n] / f[:n])).max(initial=0.0))
+            if error <= BASIS_SHARE * self.data.noise_level:
+                return None
+            return error, self.reduced.with_shapes(np.asarray(system.Q @ pairs.vectors))
+        except (np.linalg.LinAlgError, ValueError):
+            return None
+
+    def resampled(self, result: FitResult, misfit: Mapping[str, float], rng: np.random.Generator) -> Self:
+        """Return the problem with modes of a fitted model with errors; modes that it lacks stay."""
+        targets, scale = self.data, float(np.sqrt(max(misfit.get("modes", 1.0), 1.0)))
+        every = np.arange(targets.n)
+        function = self.function((), (), every)
+        at = function.modes_at(function.moved_to(result))
+        partner = matched_modes(self, at, every).partner
+        f, zeta, shapes = targets.frequency.copy(), targets.zeta.copy(), targets.shapes.copy()
+        for i, mode in enumerate(at.damped(partner)):
+            if mode is None:
+                continue
+            a, b = rng.standard_normal(2)
+            f[i] = mode.frequency * np.exp(scale * targets.frequency_std[i] * a)
+            zeta[i] = mode.zeta * np.exp(scale * targets.zeta_std[i] * b) if np.isfinite(zeta[i]) else np.nan
+            if not targets.has_shapes:
+                continue
+            known = np.isfinite(shapes[:, i])
+            phi = (at.outputs.T @ mode.vector)[known]
+            psi = shapes[known, i]
+            psi = phi * (phi.conj() @ psi) / (phi.conj() @ phi)
+            error = rng.standard_normal(known.sum())
+            if np.iscomplexobj(shapes):
+                error = error + 1j * rng.standard_normal(known.sum())
+            else:
+                psi = psi.real
+            size = np.linalg.norm(psi)
+            psi = psi + scale * size * targets.shape_std[i] / np.sqrt(known.sum()) * error
+            shapes[known, i] = psi / np.linalg.norm(psi)
+        if not targets.has_shapes and targets.numbers is None:
+            f = np.sort(f)  # a tester counts modes by frequency
+        return replace(self, data=replace(targets, frequency=f, zeta=zeta, shapes=shapes))
+
+    def computed_modes(self, result: FitResult) -> ComputedModes:
+        """Return the modes of a fitted model that belong to the measured ones, those held out too."""
+        return self.computed(result)
 
     def computed(self, result: FitResult) -> ComputedModes:
         """Return the modes of a fitted model that belong to the measured ones, those held out too."""
@@ -276,26 +334,6 @@ class ModeReading:
     def words(self) -> str:
         """The kind in words."""
         return ("frequency", "damping ratio", "shape")[self.kind]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ComputedModes:
-    """Computed partners of measured modes; NaN where there is none.
-
-    Attributes
-    ----------
-    frequency : ndarray (n,)
-        [Hz].
-    zeta, mac : ndarray (n,)
-        Damping ratio, and modal assurance criterion where there are shapes [-].
-    partner : ndarray of int (n,)
-        Numbers of the computed modes, those of rigid bodies included; -1 for none.
-    """
-
-    frequency: Floats
-    zeta: Floats
-    mac: Floats
-    partner: NDArray[np.int64]
 
 
 def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -> Matched:
@@ -397,7 +435,7 @@ def _dot(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
 
 
 @dataclass(eq=False)
-class ModeFunction(FitFunction):
+class ModeFunction(FitFunction[ModeProblem]):
     """Residuals of measured modes as a function of all that varies; ``lines`` are the modes.
 
     ln f and ln ζ, computed over measured, and (1 - P) ψ √n of each shape ψ of length 1, with P the
@@ -412,18 +450,13 @@ class ModeFunction(FitFunction):
 
     @property
     def _data(self) -> ModeTargets:
-        return self._modes_problem.targets
-
-    @property
-    def _modes_problem(self) -> ModeProblem:
-        problem: Any = self.problem
-        return problem
+        return self.problem.targets
 
     @cached_property
     def _deviation(self) -> list[Floats]:
         """Standard deviations of frequencies, damping ratios and shapes, of the modes that have them."""
         t, modes = self._data, self.lines
-        frequency = np.hypot(t.frequency_std[modes], self._modes_problem.mesh_level)
+        frequency = np.hypot(t.frequency_std[modes], self.problem.mesh_level)
         return [
             frequency,
             t.zeta_std[modes[self._damped]],
@@ -450,6 +483,24 @@ class ModeFunction(FitFunction):
         """Reading that each residual belongs to: kind times the number of modes, and the mode, (m,)."""
         return self.kinds * self._data.n + self.mode_of
 
+    @property
+    def of_modes(self) -> NDArray[np.bool_]:
+        """Which groups are those of modes, (n_groups,): all."""
+        return np.ones(len(np.unique(self.groups)), dtype=bool)
+
+    def words_of(self, stage: float) -> str:
+        """Return by how much larger deviations a stage of the fit takes."""
+        return "modes" if stage <= 1 else f"modes, {stage:.2g} times their deviations"
+
+    def changes_of_modes(self, x: Floats, steps: Floats) -> Floats:
+        """Return each mode's largest change by steps of single unknowns, in deviations, (n_modes,) [-]."""
+        _, J = self(x, True)
+        assert J is not None
+        change = np.abs(J * steps[:, None]).max(axis=0, initial=0.0) / self.least_deviations
+        out = np.zeros(self._data.n)
+        np.maximum.at(out, self.mode_of, change)
+        return out
+
     def noise(self) -> Floats:
         """Return the mean squares of the residuals of each group that noise leaves, (n_groups,)."""
         return self.levels().noise
@@ -468,9 +519,9 @@ class ModeFunction(FitFunction):
             n,
             size,
             (least**2 / parts)[kind],
-            self._modes_problem.discrepancy[kind],
+            self.problem.discrepancy[kind],
             bad**2 / parts[kind],
-            self._modes_problem.bad_prior,
+            self.problem.bad_prior,
         )
 
     def minimise(self, x: Floats, stage: float, max_iterations: int, **how: Any) -> Solution:
@@ -480,10 +531,9 @@ class ModeFunction(FitFunction):
         bad then, the better of the maxima near there and near the start is taken.
         """
         solve = super().minimise
-        if not self._modes_problem.bad_prior:
+        if not self.problem.bad_prior:
             return solve(x, stage, max_iterations, **how)
-        problem: Any = self._modes_problem.believed
-        believing = replace(self, problem=problem)
+        believing = replace(self, problem=self.problem.believed)
         believing._parametric = self._parametric  # of the same model
         found = solve(believing.minimise(x, stage, max_iterations, **how).x, stage, max_iterations, **how)
         if self.levels().is_bad(self.misfit(found.x)).max() < DOUBT:
@@ -493,15 +543,13 @@ class ModeFunction(FitFunction):
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         levels = self.levels()
-        discrepancy = (
-            (DISCREPANCY_MAX * self._modes_problem.discrepancy[levels.kind]) ** 2 * levels.n / levels.size
-        )
+        discrepancy = (DISCREPANCY_MAX * self.problem.discrepancy[levels.kind]) ** 2 * levels.n / levels.size
         return SPREAD * levels.noise + discrepancy
 
     def errors(self, x: Floats) -> Errors:
         """Return how far computed modes are from the measured ones."""
         at, f = self.modes_at(x), self._data.frequency[self.lines]
-        matched = matched_modes(self._modes_problem, at, self.lines)
+        matched = matched_modes(self.problem, at, self.lines)
         ok = matched.partner >= 0
         if not ok.any():
             return Errors(lost=tuple(self.lines.tolist()))
@@ -512,7 +560,7 @@ class ModeFunction(FitFunction):
 
     @cached_property
     def _parametric(self) -> ParametricModes:
-        return self._modes_problem.parametric(self.lines, self.refs, self.effects)
+        return self.problem.parametric(self.lines, self.refs, self.effects)
 
     def __call__(
         self, x: NDArray[np.float64], gradient: bool
@@ -549,7 +597,7 @@ class ModeFunction(FitFunction):
         zeta = np.exp(curve.hats(f) @ x[n : n + len(curve.start)] + curve.offset(f))
         parametric = self._parametric
         if release:
-            parametric = self._modes_problem.parametric(self.lines, self.refs, self.effects, release)
+            parametric = self.problem.parametric(self.lines, self.refs, self.effects, release)
         return parametric.at(self._values(x), zeta)
 
     def residuals(self, at: ModesAt) -> tuple[Complexes, Partners]:
@@ -559,7 +607,7 @@ class ModeFunction(FitFunction):
 
     def met(self, at: ModesAt) -> MetModes:
         """Return the computed modes that are the partners of the measured ones."""
-        partner = matched_modes(self._modes_problem, at, self.lines).partner
+        partner = matched_modes(self.problem, at, self.lines).partner
         found: Partners = [
             None if m is None else (i, int(partner[i]), m) for i, m in enumerate(at.damped(partner))
         ]
@@ -585,7 +633,7 @@ class ModeFunction(FitFunction):
 
     def _independent(self, r: Complexes) -> Complexes:
         """Return residuals, or changes of them, (..., m), without the errors that they have in common."""
-        common = self._modes_problem.common
+        common = self.problem.common
         return r if common is None else common.removed(r)
 
     @cached_property
@@ -611,7 +659,7 @@ class ModeFunction(FitFunction):
         phi = np.where(known[i], phi, 0.0)
         each = [at.pairs(int(c)) for c in i]
         lam = np.stack([pairs.eigenvalues for pairs in each])
-        share = self._modes_problem.model_error / EXPLAINED_LEVEL
+        share = self.problem.model_error / EXPLAINED_LEVEL
         rows = np.arange(len(some))
         least = float(np.hypot(MIXED * share, LEAST_MIXED)) * np.abs(lam[rows, k])[:, None]
         m = least / np.maximum(np.abs(lam - lam[rows, k][:, None]), least)
@@ -700,7 +748,7 @@ class ModeFunction(FitFunction):
         if self._data.has_shapes:
             d, n = self._deviation[SHAPE], self._known.sum(axis=1)
             out += float((n * np.log(d.min() / d)).sum())
-        common = self._modes_problem.common
+        common = self.problem.common
         return out if common is None else out + common.log_density
 
     @property

@@ -72,7 +72,13 @@ def build_mode_problem(
         nominal if np.ptp(model.damping.ratio) or other else None,
     )
     return ModeProblem(
-        reduced, targets, tuple(nuisances), curve, model_error, mesh_level, mass=mass_of(undamped)
+        reduced=reduced,
+        data=targets,
+        nuisances=tuple(nuisances),
+        damping=curve,
+        model_error=model_error,
+        mesh_level=mesh_level,
+        mass=mass_of(undamped),
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -152,6 +153,16 @@ class ModeTargets:
         return named or self.has_shapes or bool(self.sensors) or bool(self.driven)
 
     @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """Numbers on which a fit depends."""
+        return self.frequency, self.frequency_std, self.shapes, self.shape_std
+
+    @property
+    def has_damping(self) -> bool:
+        """Whether the damping of any mode that is fitted was measured."""
+        return bool(np.isfinite(self.zeta[self.fitted]).any())
+
+    @property
     def noise_level(self) -> float:
         """Relative deviation that the noise of the frequencies of a fit leaves, root mean square [-]."""
         return float(np.sqrt((self.frequency_std[self.fitted] ** 2).mean()))
@@ -160,6 +171,26 @@ class ModeTargets:
     def fitted(self) -> NDArray[np.int64]:
         """Modes that fits see."""
         return np.flatnonzero(~self.held_out)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComputedModes:
+    """Computed partners of measured modes; NaN where there is none.
+
+    Attributes
+    ----------
+    frequency : ndarray (n,)
+        [Hz].
+    zeta, mac : ndarray (n,)
+        Damping ratio, and modal assurance criterion where there are shapes [-].
+    partner : ndarray of int (n,)
+        Numbers of the computed modes, those of rigid bodies included; -1 for none.
+    """
+
+    frequency: Floats
+    zeta: Floats
+    mac: Floats
+    partner: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

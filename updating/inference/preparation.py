@@ -13,16 +13,15 @@ from fem.effects.joint import PointPair
 from fem.effects.with_frame import WithFrame
 from fem.elements.frame import Frame
 from fem.elements.splitting import split
-from fem.linalg.solvers import factorise
 from fem.model import Damping, Model
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
-from fem.system import assemble, connection_stiffness
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
+from updating.inference.bases import direct_responses
 from updating.inference.defaults import EXPLAINED_LEVEL, MOST_SPLITS
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_vectors
-from updating.inference.fit_result import FitResult
+from updating.inference.fit_result import FitResult, fitted_model
 from updating.inference.parameters import DampingCurve
 from updating.inference.unknowns import Uncertain
 from updating.measurement.measurement import (
@@ -165,7 +164,7 @@ def build_problem(
         data=data,
         nuisances=tuple(nuisances),
         damping=curve,
-        stages=stages,
+        bands=stages,
         n_modes=max(k, 1),
         n_lines=n_lines,
         model_error=model_error,
@@ -377,51 +376,9 @@ def splits(mesh_level: float, noise_level: float) -> int:
     return min(MOST_SPLITS, int(np.ceil(too_large**0.5))) if too_large > 1 else 1
 
 
-def fitted_model(model: Model, result: FitResult) -> Model:
-    """Return the full model with the values and the effects of a fit."""
-    names = {e.name for e in model.effects}
-    values = {ref: v for ref, v in result.values.items() if ref[0] in names}
-    return model.with_values(values).with_effect(*result.effects)
-
-
 def basis_error(problem: FitProblem, result: FitResult, n_lines: int) -> float:
     """Check the reduced basis against direct solutions of the full model with the fitted parameters [dB].
 
     Effects that depend on amplitude are left out of both.
     """
     return direct_responses(problem, result, n_lines)[0] * DB_PER_NEPER
-
-
-def direct_responses(
-    problem: FitProblem, result: FitResult, n_lines: int
-) -> tuple[float, NDArray[np.float64]]:
-    """Return the error of the reduced basis against direct solutions at some lines [nepers], and these.
-
-    Effects that depend on amplitude are left out of both. The solutions, (n_dof, 2 n_lines n_in), are real
-    and imaginary parts of the responses to the excitations.
-    """
-    effects = tuple(e for e in result.effects if not e.amplitude_dependent)
-    excluded = {e.name for e in result.effects if e.amplitude_dependent}
-    values = {ref: v for ref, v in result.values.items() if ref[0] not in excluded}
-    result = replace(result, effects=effects, values=values)
-    problem = problem.unloaded(result)
-    model = problem.reduced.model
-    system = assemble(fitted_model(model, result), reciprocal=False)
-    outputs, inputs = problem.vectors
-    lines = problem.lines_up_to(np.inf, n_lines)
-    f = problem.data.frequency[lines]
-    zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
-    connections = connection_stiffness(system) if others else None
-    reduced = replace(problem, viscous=False).receptance(result.as_described(), lines)
-    ratio, responses = [], []
-    backend, factor = None if system.reciprocal else "superlu", None
-    for k, omega in enumerate(2 * np.pi * f):
-        Z = system.dynamic_stiffness(float(omega)) + 2j * zeta[k] * system.K
-        if connections is not None:
-            Z = Z + 2j * (others[0][k] - zeta[k]) * connections
-        factor = factorise(Z, like=factor, backend=backend)
-        X = system.Q @ factor.solve((system.Q.T @ inputs).astype(complex))
-        direct = outputs.T @ X
-        responses += [X.real, X.imag]
-        ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
-    return rms_db(np.array(ratio)) / DB_PER_NEPER, np.hstack(responses)

@@ -20,10 +20,10 @@ from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
 from updating.inference.defaults import FULL_LINES
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import ChannelScatter, FormScatter
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.frf_function import FrfFunction
+from updating.inference.frf_inputs import FrfInputs
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -38,23 +38,23 @@ It costs an unknown and would change the evidence by ½ ln(1 + 0.3²) = 0.04 at 
 
 
 def form_scatter(
-    problem: FitProblem | ModeProblem, result: FitResult, size: float | None = None, share: float = 1.0
+    problem: FrfInputs, result: FitResult, size: float | None = None, share: float = 1.0
 ) -> FormScatter | None:
     """Return the small deviations that the form has besides its parameters, at a fitted model.
 
-    Of the modes' damping, and of their eigenvalues and of channels where the form is not said to be right;
-    none in fits to modes, whose errors they are.
+    Of the modes' damping, and of their eigenvalues and of channels where the form is not said to be right. At
+    several levels of force there are none: errors of modes are those of linear structures.
 
     Parameters
     ----------
-    problem : FitProblem or ModeProblem
+    problem : FrfInputs
     result : FitResult
     size : float, optional
         Standard deviation of the shifts of eigenvalues; the middle of what it may be unless given [-].
     share : float
         Part of the deviations that the data still have [-].
     """
-    if isinstance(problem, ModeProblem):
+    if problem.responses.n_levels > 1:
         return None
     damping = share * FORM_DAMPING
     if problem.model_error == 0:
@@ -70,7 +70,7 @@ def form_scatter(
 
 
 def scatter_of(
-    problem: FitProblem,
+    problem: FrfInputs,
     result: FitResult,
     damping: float,
     eigenvalue: float,
@@ -80,7 +80,7 @@ def scatter_of(
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : FrfInputs
     result : FitResult
         The fitted model whose modes deviate.
     damping : float
@@ -114,14 +114,14 @@ def scatter_of(
     return FormScatter(Deviations(stiff, lossy, elements), eigenvalue, np.concatenate(std), sizes)
 
 
-def channel_scatter(problem: FitProblem) -> FormScatter | None:
+def channel_scatter(problem: FrfInputs) -> FormScatter | None:
     """Return the errors of channels alone that data can know, at the nominal model."""
     none = np.zeros((problem.reduced.model.n_dof, 0))
     return with_channels(problem, problem.nominal(), FormScatter(Deviations(none, none), 0.0, np.zeros(0)))
 
 
 def with_channels(
-    problem: FitProblem, result: FitResult, scatter: FormScatter | None, share: float = 1.0
+    problem: FrfInputs, result: FitResult, scatter: FormScatter | None, share: float = 1.0
 ) -> FormScatter | None:
     """Return small deviations with the errors of channels that data can know, at a fitted model.
 
@@ -142,7 +142,7 @@ def with_channels(
     return replace(scatter, channels=ChannelScatter(np.array(of, dtype=np.int64), np.concatenate(units), std))
 
 
-def _misread(problem: FitProblem, result: FitResult) -> tuple[list[Complexes], list[Floats]]:
+def _misread(problem: FrfInputs, result: FitResult) -> tuple[list[Complexes], list[Floats]]:
     """Return what a unit of each error of each channel does to ln H, and what that counts, by channels.
 
     (5, n_lines, n_in) and (n_lines, n_in) of sensors, then with n_out of excitations.
@@ -159,7 +159,7 @@ def _misread(problem: FitProblem, result: FitResult) -> tuple[list[Complexes], l
     of_outputs = np.einsum("roe,rif->oefi", misread[:, :n_out], Xi, optimize=True)
     of_inputs = np.einsum("rie,rof->iefo", misread[:, n_out:], Xo, optimize=True)
     by = np.where(H != 0, 1 / np.where(H != 0, H, 1.0), 0.0)
-    function = problem.function((), (), lines)
+    function = FrfFunction(problem, (), *problem.unknowns((), ()), lines)
     levels = function.levels(counted_as=FULL_LINES)
     member = np.unique(function.groups, return_inverse=True)[1]
     worth = np.zeros(H.shape)
@@ -172,7 +172,7 @@ def _misread(problem: FitProblem, result: FitResult) -> tuple[list[Complexes], l
     return [*outputs, *inputs], [*(counts[:, k] for k in range(n_out)), *np.moveaxis(counts, 2, 0)]
 
 
-def _forces(problem: FitProblem, engine: ParametricFRF, total: dict[str, Any]) -> tuple[Floats, Floats]:
+def _forces(problem: FrfInputs, engine: ParametricFRF, total: dict[str, Any]) -> tuple[Floats, Floats]:
     """Return λ (n,) and √λ Mφ (n_dof, n) of the elastic modes in the band and the next one.
 
     M is that of the nominal model; the forces are scaled so that φᵀ s = √λ in any case.
@@ -187,7 +187,7 @@ def _forces(problem: FitProblem, engine: ParametricFRF, total: dict[str, Any]) -
     return lam[elastic], forces * (np.sqrt(lam[elastic]) / (shapes * forces).sum(axis=0))
 
 
-def _of_members(problem: FitProblem, result: FitResult, frequency: Floats) -> Floats:
+def _of_members(problem: FrfInputs, result: FitResult, frequency: Floats) -> Floats:
     """Return the damping ratio of members at frequencies [Hz]."""
     return np.asarray(np.atleast_2d(problem.damping.ratio(frequency, result.zeta))[0], dtype=float)
 

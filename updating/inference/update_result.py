@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,15 +10,13 @@ from numpy.typing import NDArray
 from fem.model import Model, ModelError
 from updating.inference.belief import UNKNOWN_ODDS
 from updating.inference.determined import SEEN, SHARE, blind_words, taking_part
-from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import FitFunction
-from updating.inference.fit_result import FitResult
+from updating.inference.fit_result import FitResult, fitted_model
 from updating.inference.fitted_damping import with_fitted_damping
-from updating.inference.joint_fit import OF_MODES, JointFunction, mode_problem_of
 from updating.inference.linearised import covariance_of, marginal_density, widths_of
-from updating.inference.mode_fit import ComputedModes, ModeFunction, ModeProblem
-from updating.inference.preparation import fitted_model
+from updating.inference.mode_fit import ComputedModes
+from updating.inference.problem import Problem
 from updating.inference.regularisation import LCurve
 from updating.inference.sampling import Samples, sample
 from updating.inference.unknowns import WIDTH, ScaledUnknown
@@ -52,7 +51,7 @@ class Ended:
 
     Attributes
     ----------
-    problem : FitProblem or ModeProblem
+    problem : Problem
         With the basis of the end, and the parameters that selection kept.
     function : FitFunction
         Of all lines.
@@ -66,7 +65,7 @@ class Ended:
     curve : LCurve or None
     """
 
-    problem: FitProblem | ModeProblem
+    problem: Problem[Any]
     function: FitFunction
     levels: Costs
     result: FitResult
@@ -84,15 +83,8 @@ def rows_of(function: FitFunction, asked: Sequence[ScaledUnknown]) -> NDArray[np
 def _damping_rows(function: FitFunction) -> NDArray[np.int64]:
     """Return where the ratios at the knots of the damping curve are, if they are unknown."""
     curve, n = function.problem.damping, len(function.variables)
-    known = curve.std < KNOWN_DAMPING or not _has_damping(function.problem)
+    known = curve.std < KNOWN_DAMPING or not function.problem.data.has_damping
     return n + np.arange(0 if known else len(curve.knots))
-
-
-def _has_damping(problem: FitProblem | ModeProblem) -> bool:
-    """Whether the data tell anything of damping."""
-    if isinstance(problem, ModeProblem):
-        return bool(np.isfinite(problem.targets.zeta[problem.targets.fitted]).any())
-    return True
 
 
 def values_of(asked: Sequence[ScaledUnknown], function: FitFunction, x: Floats) -> Floats:
@@ -135,18 +127,18 @@ def result_of(
     )
     np.fill_diagonal(correlation, 1.0)
     moved = np.abs(x - function.start) > 1e-6 * widths
-    modes = _modes(problem, result)
+    modes = problem.computed_modes(result)
     alone = (blind[rows] ** 2).sum(axis=1) > 1 - SHARE
     ending = Ending.CONVERGED if result.solution.converged else Ending.OUT_OF_ITERATIONS
     if bound[rows].all() and rows.size:
         ending = Ending.AT_BOUNDS
     if rows.size and (alone & ~moved[rows]).all():
         ending = Ending.NOTHING_DETERMINED
-    if isinstance(problem, ModeProblem) and modes is not None and (modes.partner < 0).all():
+    if path[-1].errors.is_empty:
         ending = Ending.NO_PARTNERS
     messages = (
         *_messages(ended, result, done, correlation, modes, ending),
-        *blind_words(blind[use], names, _measured_words(problem), moved[use]),
+        *blind_words(blind[use], names, problem.measured_words, moved[use]),
         *_unmoved(ended, rows, modes),
         *_moved_besides(ended, rows),
     )
@@ -154,7 +146,7 @@ def result_of(
     if settings.n_samples:
         samples = _samples(ended, asked, every, lost | bound, settings)
     end = fitted_model(model, result)
-    if _has_damping(problem) and problem.damping.std >= KNOWN_DAMPING:
+    if problem.data.has_damping and problem.damping.std >= KNOWN_DAMPING:
         end = with_fitted_damping(problem, result, end)
     return Updated(
         model=end,
@@ -269,21 +261,11 @@ def _parameters(
     return tuple(out)
 
 
-def _modes(problem: FitProblem | ModeProblem, result: FitResult) -> ComputedModes | None:
-    """Return the computed partners of the measured modes; None without any."""
-    if isinstance(problem, ModeProblem):
-        return problem.computed(result)
-    mode_problem = mode_problem_of(problem)
-    return None if mode_problem is None else mode_problem.computed(result)
-
-
 def _misfit(ended: Ended) -> dict[str, float]:
     """Return the mean squares of the residuals in units of the stated noise, of modes and FRFs [-]."""
     function, v, noise = ended.function, ended.function.misfit(ended.x), ended.function.noise()
-    groups, size = np.unique(function.groups, return_counts=True)
-    modal = groups >= OF_MODES if isinstance(function, JointFunction) else np.full(len(groups), True)
-    if not isinstance(function, JointFunction | ModeFunction):
-        modal[:] = False
+    size = np.unique(function.groups, return_counts=True)[1]
+    modal = function.of_modes
     noise = np.where(modal, noise, noise / SYSTEMATIC_FROM**2)
     parts = (("modes", modal), ("frf", ~modal))
     each = size * v / noise
@@ -339,8 +321,9 @@ def _messages(
             f"the data are not explained: root mean square residuals, over the stated noise, of {worst}. The "
             "model lacks an effect or is wrong, or the start was too far off (try more starts)"
         )
-    if modes is not None:
-        f = _frequencies(ended.problem)
+    measured = ended.problem.measured_modes
+    if modes is not None and measured is not None:
+        f = measured.frequency
         words = ", ".join(f"{f[i]:.4g} Hz" for i in np.flatnonzero(modes.partner < 0))
         if words:
             out.append(f"measured modes without a partner in the model: {words}")
@@ -352,30 +335,15 @@ def _messages(
     return tuple(out)
 
 
-def _frequencies(problem: FitProblem | ModeProblem) -> Floats:
-    targets = problem.targets if isinstance(problem, ModeProblem) else problem.modes
-    return np.zeros(0) if targets is None else targets.frequency
-
-
-def _measured_words(problem: FitProblem | ModeProblem) -> str:
-    """Return the kind of data, in the singular."""
-    if isinstance(problem, ModeProblem):
-        return "measured mode"
-    return "measured FRF" if problem.modes is None else "measured mode or measured FRF"
-
-
 def _unmoved(ended: Ended, rows: NDArray[np.int64], modes: ComputedModes | None) -> list[str]:
     """Name the measured modes that no parameter moves and the model misses."""
-    function = ended.function
-    if not isinstance(ended.problem, ModeProblem) or modes is None:
+    function, measured = ended.function, ended.problem.measured_modes
+    steps = np.zeros(len(ended.x))
+    steps[rows] = widths_of(function)[rows]
+    change = function.changes_of_modes(ended.x, steps)
+    if not change.size or modes is None or measured is None:
         return []
-    assert isinstance(function, ModeFunction)
-    _, J = function(ended.x, True)
-    assert J is not None
-    change = np.abs(J[rows] * widths_of(function)[rows, None]).max(axis=0, initial=0.0)
-    change = change / function.least_deviations
-    seen = np.bincount(function.mode_of, change > SEEN, minlength=len(modes.partner)) > 0
-    f, std = _frequencies(ended.problem), ended.problem.targets.frequency_std
+    seen, f, std = change > SEEN, measured.frequency, measured.frequency_std
     off = np.where(modes.partner >= 0, modes.frequency / f - 1, 0.0)
     still = np.flatnonzero(~seen & (np.abs(off) > 2 * std))
     if not still.size:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from fem.model import Model, ModelError
 from updating.inference.determined import blind_directions, taking_part
-from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import (
@@ -21,13 +20,10 @@ from updating.inference.fitting import (
     null_fit,
     with_evidence,
     with_form_of_damping,
-    with_seen_noise,
 )
-from updating.inference.joint_fit import with_modes
 from updating.inference.linearised import stated_quadratic, whitened
-from updating.inference.mode_fit import ModeFunction, ModeProblem
+from updating.inference.problem import Problem
 from updating.inference.regularisation import LCurve, l_curve, select_by_pivoting, select_forward
-from updating.inference.scatter import form_scatter
 from updating.inference.solve import Report, Solution
 from updating.inference.unknowns import ScaledUnknown, Unknown, nuisance_unknowns
 from updating.inference.update_result import Ended, result_of, rows_of, values_of
@@ -35,7 +31,7 @@ from updating.inference.update_settings import UpdateSettings
 from updating.inference.updated import Updated, UpdateStep
 
 Floats = NDArray[np.float64]
-Problem = TypeVar("Problem", bound=FitProblem | ModeProblem)
+P = TypeVar("P", bound=Problem[Any])
 
 _REACH = 3.0
 """Largest distance of further starts, in possible errors of each unknown [-]."""
@@ -50,13 +46,13 @@ _LINEARISED = 3
 
 
 def update_fitted(
-    problem: FitProblem | ModeProblem, model: Model, unknowns: Sequence[Unknown], settings: UpdateSettings
+    problem: Problem[Any], model: Model, unknowns: Sequence[Unknown], settings: UpdateSettings
 ) -> Updated:
     """Return the most probable model, of whose uncertain parameters some were asked for.
 
     Parameters
     ----------
-    problem : FitProblem or ModeProblem
+    problem : Problem
     model : Model
         The full model that results are values of.
     unknowns : sequence of Unknown
@@ -66,23 +62,24 @@ def update_fitted(
     asked = nuisance_unknowns(problem.reduced.model, unknowns)
     how: dict[str, Any] = {"n_lines": settings.n_lines, "counted_as": settings.n_lines}
     near: list[FitResult] = []
-    if isinstance(problem, FitProblem):
+    if problem.with_other_damping() is not None:
+        # A first fit tells the form of damping, and the noise.
         problem, first = with_form_of_damping(problem, null_fit(problem, **how), **how)
-        problem, near = with_seen_noise(problem, first), [first]
+        problem, near = problem.with_seen_noise(first), [first]
     how |= {"max_iterations": settings.max_iterations, "tolerance": _SMALL_GAIN}
     problem, left_out = _selected(problem, asked, settings)
     better, starts = _starts(problem, asked, settings, how)
     path: list[UpdateStep] = []
 
     def watch(function: FitFunction, stage: float) -> Report:
-        word = _stage_word(function, stage)
+        word = function.words_of(stage)
         return lambda x, cost: path.append(
             UpdateStep(word, values_of(asked, function, x), cost, function.errors(x))
         )
 
-    first = _function(problem, settings)
+    first = problem.residuals(n_lines=settings.n_lines)
     watch(first, 1.0)(first.start, _cost(first, first.start, settings))
-    if isinstance(problem, ModeProblem) and not _paired(problem):
+    if path[0].errors.is_empty:
         still = Solution(first.start, path[0].cost, np.nan, 0, True)
         ended = _at_end(problem, with_evidence(first, still, settings.n_lines), settings)
     else:
@@ -97,28 +94,12 @@ def update_fitted(
     return result_of(ended, model, asked, tuple(path), starts, left_out, settings)
 
 
-def _at_end(problem: FitProblem | ModeProblem, result: FitResult, settings: UpdateSettings) -> Ended:
+def _at_end(problem: Problem[Any], result: FitResult, settings: UpdateSettings) -> Ended:
     """Return where a fit ended, with the function of all lines there."""
-    small = replace(problem, scatter=form_scatter(problem, result, result.size))
-    function = _function(small, settings)
+    small = replace(problem, scatter=problem.small_deviations(result, result.size))
+    function = small.residuals(n_lines=settings.n_lines)
     levels, x = function.levels(counted_as=settings.n_lines), function.moved_to(result)
     return Ended(problem, function, levels, result, x, None, None)
-
-
-def _paired(problem: ModeProblem) -> bool:
-    """Whether any measured mode has a partner in the model to start from."""
-    return bool((problem.computed(problem.nominal()).partner >= 0).any())
-
-
-def _stage_word(function: FitFunction, stage: float) -> str:
-    if not isinstance(function, ModeFunction):
-        return f"to {function.problem.data.frequency[function.lines[-1]]:.4g} Hz"
-    return "modes" if stage <= 1 else f"modes, {stage:.2g} times their deviations"
-
-
-def _function(problem: FitProblem | ModeProblem, settings: UpdateSettings) -> FitFunction:
-    lines = problem.lines_up_to(np.inf, settings.n_lines)
-    return with_modes(problem, problem.function((), (), lines), np.inf)
 
 
 def _cost(function: FitFunction, x: Floats, settings: UpdateSettings) -> float:
@@ -126,7 +107,7 @@ def _cost(function: FitFunction, x: Floats, settings: UpdateSettings) -> float:
     return levels.cost(function.misfit(x)) + function.prior().cost(x)
 
 
-def _moved(problem: Problem, asked: Sequence[ScaledUnknown], x: Floats) -> Problem:
+def _moved(problem: P, asked: Sequence[ScaledUnknown], x: Floats) -> P:
     """Return a problem whose fits begin elsewhere."""
     start = {u.refs: u.to_value(xi) for u, xi in zip(asked, x.tolist(), strict=True)}
     nuisances = tuple(
@@ -137,7 +118,7 @@ def _moved(problem: Problem, asked: Sequence[ScaledUnknown], x: Floats) -> Probl
 
 
 def _starts(
-    problem: FitProblem | ModeProblem,
+    problem: Problem[Any],
     asked: Sequence[ScaledUnknown],
     settings: UpdateSettings,
     how: dict[str, Any],
@@ -164,20 +145,19 @@ def _starts(
     for x in [first, *elsewhere]:
         moved = _moved(problem, asked, x)
         try:
-            far = far_fit(moved) if isinstance(moved, FitProblem) else None
-            fits.append(fit(moved, **quick, x_from=far))
+            fits.append(fit(moved, **quick, x_from=far_fit(moved)))
         except np.linalg.LinAlgError:  # no structure there
             continue
     order = sorted(fits[1:], key=lambda r: -r.log_evidence)
     better = [r for r in order[:1] if r.log_evidence > fits[0].log_evidence + QUICK_NATS]
-    function = _function(problem, settings)
+    function = problem.residuals(n_lines=settings.n_lines)
     led = tuple((values_of(asked, function, function.moved_to(r)), r.log_evidence) for r in fits)
     return better, led if settings.n_starts > 1 else ()
 
 
-def _open_widths(problem: FitProblem | ModeProblem, asked: Sequence[ScaledUnknown]) -> Floats:
+def _open_widths(problem: Problem[Any], asked: Sequence[ScaledUnknown]) -> Floats:
     """Return how widely starts are drawn, (n,): 0 of what no data change with, and of what was left out."""
-    function = _function(problem, UpdateSettings())
+    function = problem.residuals(n_lines=UpdateSettings().n_lines)
     A, _ = whitened(function, function.levels(), function.start, rows_of(function, asked))
     varied = [u for u in asked if u.refs in {v.refs for v in function.variables}]
     widths, weights = np.array([u.width for u in varied]), np.array([u.std**-2.0 for u in varied])
@@ -189,12 +169,12 @@ def _open_widths(problem: FitProblem | ModeProblem, asked: Sequence[ScaledUnknow
 
 
 def _selected(
-    problem: Problem, asked: Sequence[ScaledUnknown], settings: UpdateSettings
-) -> tuple[Problem, tuple[tuple[str, str], ...]]:
+    problem: P, asked: Sequence[ScaledUnknown], settings: UpdateSettings
+) -> tuple[P, tuple[tuple[str, str], ...]]:
     """Hold the parameters that selection leaves out at their start; all else counts as noise."""
     if not settings.select:
         return problem, ()
-    function = _function(problem, settings)
+    function = problem.residuals(n_lines=settings.n_lines)
     levels = function.levels(counted_as=settings.n_lines)
     A, r = whitened(function, levels, function.start, rows_of(function, asked))
     A, names = A * np.array([u.width for u in asked]), [u.name for u in asked]

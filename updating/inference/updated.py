@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 import scipy
@@ -10,10 +11,10 @@ from numpy.typing import NDArray
 
 from fem.model import Model, ParameterRef
 from fem.summary import fields_summary
-from updating.inference.fit import FitProblem
 from updating.inference.fit_function import Errors
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_fit import ComputedModes, ModeProblem
+from updating.inference.mode_fit import ComputedModes
+from updating.inference.problem import Problem
 from updating.inference.regularisation import LCurve
 from updating.inference.sampling import Samples
 from updating.inference.update_settings import UpdateSettings
@@ -161,7 +162,7 @@ class Updated:
     ending : Ending
     messages : tuple of str
         Doubts about the result.
-    problem : FitProblem or ModeProblem
+    problem : Problem
         What was fitted.
     fitted : FitResult
         The fit.
@@ -181,7 +182,7 @@ class Updated:
     starts: tuple[tuple[NDArray[np.float64], float], ...]
     ending: Ending
     messages: tuple[str, ...]
-    problem: FitProblem | ModeProblem = field(repr=False)
+    problem: Problem[Any] = field(repr=False)
     fitted: FitResult = field(repr=False)
     settings: UpdateSettings
 

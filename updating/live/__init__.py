@@ -1,1 +1,28 @@
 """Hypotheses changed by hand: FRFs and errors at once, fits that can be watched and cancelled."""
+
+from typing import TYPE_CHECKING
+
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from updating.live.engine import LiveModel
+    from updating.live.fitting import fit_all, fit_effect, fit_uncertain
+    from updating.live.hypothesis import Hypothesis
+    from updating.live.ranking import rank, twins
+    from updating.live.sensitivity import frequency_sensitivities, sensitivities
+    from updating.live.weighing import weigh
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
+
+__all__ = [
+    "Hypothesis",
+    "LiveModel",
+    "fit_all",
+    "fit_effect",
+    "fit_uncertain",
+    "frequency_sensitivities",
+    "rank",
+    "sensitivities",
+    "twins",
+    "weigh",
+]

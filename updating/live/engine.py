@@ -1,7 +1,7 @@
 """FRFs and errors of hypotheses at once: one small eigenproblem for each change of a value."""
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Lock
 from typing import Any
@@ -14,7 +14,7 @@ from fem.model import Effect, ParameterRef, parameter_values
 from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import Comparison, compare
-from updating.inference.bases import BASIS_LINES, better_basis
+from updating.inference.defaults import BASIS_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult
@@ -71,17 +71,6 @@ class Evaluation:
         """Return the error of each sensor in each band, those of held-out ones too, (n_out, n_bands) [dB]."""
         known = self.comparison.by_band()
         return known if self.held_out is None else np.where(np.isnan(known), self.held_out.by_band(), known)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Known(FitProblem):
-    """A problem whose receptances are computed already: errors are then those of every other command."""
-
-    H: NDArray[np.complex128] | None = None
-
-    def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
-        assert self.H is not None
-        return self.H if lines is None else self.H[lines]
 
 
 class LiveModel:
@@ -182,7 +171,7 @@ class LiveModel:
         for n_lines in BASIS_LINES:
             problem = self._problem(h)
             enriched = replace(problem, reduced=replace(problem.reduced).with_forces_of(h.effects))
-            better = better_basis(enriched, known, n_lines)
+            better = enriched.better_basis(known, n_lines)
             if better is None:
                 return
             with self._lock:
@@ -199,9 +188,9 @@ class LiveModel:
             given = h.result()
             believed = (h.faults, h.off, h.held_out)
             data, measured, apart = self._data.get(believed, lambda: self._believed(h))
-            problem = self._known(self._problem(h), data, given)
-            result = problem.assessed(given)
-            frf = problem.frf(result)
+            H = self._receptances(self._problem(h), given)
+            problem = replace(self._problem(h), data=data)
+            result, frf = problem.assessed(given, H), problem.as_measured(H)
             comparison = compare(measured, frf, mask=data.mask)
             unseen = None if apart is None else compare(measured, frf, mask=apart)
             return Evaluation(h, result, frf, measured, comparison, unseen, data.mask, data.noise_db)
@@ -210,11 +199,6 @@ class LiveModel:
         data = self.data_of(h)
         apart = self.compared(h) & (self._held_out(h) == 1)
         return data, replace(self.problem, data=data).measured, apart if apart.any() else None
-
-    def _known(self, problem: FitProblem, data: FitData, result: FitResult) -> _Known:
-        same: dict[str, Any] = {f.name: getattr(problem, f.name) for f in fields(FitProblem)}
-        same["data"] = data
-        return _Known(**same, H=self._receptances(problem, result))
 
     def _receptances(self, problem: FitProblem, result: FitResult) -> NDArray[np.complex128]:
         refs: list[ParameterRef] = list(result.values)

@@ -1,7 +1,8 @@
 """Fits of a hypothesis that say how far they are and can be ended."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,9 @@ from fem.model import Effect, parameter_values
 from updating.diagnosis.begin import begin_fitted
 from updating.diagnosis.findings import label
 from updating.inference.fit import FitProblem
-from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import QUICK_LINES, fit, fit_given, refit, scattered
+from updating.inference.frf_function import FrfFunction
 from updating.inference.solve import Solution
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
@@ -52,7 +53,7 @@ class Watch:
 
 
 @dataclass(eq=False)
-class _WatchedFunction(FitFunction):
+class _WatchedFunction(FrfFunction):
     """Residuals that report each evaluation, with some unknowns fixed."""
 
     watch: Watch | None = None
@@ -82,31 +83,6 @@ class _WatchedFunction(FitFunction):
         fixed = np.array([name not in self.free for name in names + [""] * (len(limits) - len(names))])
         limits[fixed] = self._at[fixed, None]
         return limits
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _WatchedProblem(FitProblem):
-    """A problem whose fits report their progress.
-
-    ``free`` holds the names of the effects that vary, and ``""`` for uncertain parameters and damping; None
-    lets all vary.
-    """
-
-    watch: Watch | None = None
-    free: frozenset[str] | None = None
-
-    def function(self, effects: Any, starts: Any, lines: NDArray[np.int64]) -> FitFunction:
-        plain = FitProblem.function(self, effects, starts, lines)
-        return _WatchedFunction(
-            self,
-            plain.effects,
-            plain.variables,
-            plain.start,
-            lines,
-            plain.scatter,
-            watch=self.watch,
-            free=self.free,
-        )
 
 
 def fit_uncertain(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothesis:
@@ -158,7 +134,7 @@ def _learnt(live: LiveModel, h: Hypothesis) -> Hypothesis:
     return h
 
 
-def _better(problem: _WatchedProblem, h: Hypothesis) -> FitResult:
+def _better(problem: FitProblem, h: Hypothesis) -> FitResult:
     """Return the better of a fit from where the values are and one from nominal uncertain parameters."""
     starts = [parameter_values(e) for e in h.effects]
     last = problem.stages[-1:]
@@ -171,6 +147,10 @@ def _starts(h: Hypothesis, effect: Effect, start: dict[str, float]) -> list[dict
     return [start if e is effect else parameter_values(e) for e in h.effects]
 
 
-def _watched(problem: FitProblem, watch: Watch, free: frozenset[str] | None = None) -> _WatchedProblem:
-    same = {f.name: getattr(problem, f.name) for f in fields(FitProblem)}
-    return _WatchedProblem(**same, watch=watch, free=free)
+def _watched(problem: FitProblem, watch: Watch, free: frozenset[str] | None = None) -> FitProblem:
+    """Return a problem whose fits report their progress.
+
+    ``free`` holds the names of the effects that vary, and ``""`` for uncertain parameters and damping; None
+    lets all vary.
+    """
+    return replace(problem, make_function=partial(_WatchedFunction, watch=watch, free=free))

@@ -9,8 +9,8 @@ from fem.model import Model, ParameterRef, parameter_values
 from fem.sensitivity.matrices import differentiate_matrices
 from updating.correlation import DB_PER_NEPER
 from updating.inference.fit import FitProblem
-from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
+from updating.inference.frf_function import FrfFunction
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
 
@@ -144,6 +144,6 @@ def frequency_sensitivities(
     return tuple(sorted(out, key=lambda s: -abs(s.percent)))
 
 
-def _function(problem: FitProblem, result: FitResult, lines: NDArray[np.int64]) -> FitFunction:
+def _function(problem: FitProblem, result: FitResult, lines: NDArray[np.int64]) -> FrfFunction:
     """Return the function that a fit minimises, at the effects of a result."""
     return problem.function(result.effects, [parameter_values(e) for e in result.effects], lines)

@@ -91,14 +91,14 @@ def trials(
     problem, discrepancy = plan.visibility.problem, plan.visibility.discrepancy or 0.0
     kinds: dict[str, list[Outlook]] = {}
     for o in plan.relevant:
-        if o.visible.named is not None:
+        if o.visible.is_plausible(MULTIPLES[-1] * o.visible.enough[2]):
             kinds.setdefault(o.relevant.kind, []).append(o)
     names = sorted(kinds)
     for k in range(n if names else 0):
         some = kinds[names[int(rng.integers(len(names)))]]
         visible = some[int(rng.integers(len(some)))].visible
         multiple = MULTIPLES[k % len(MULTIPLES)]
-        amplitude = min(multiple * visible.enough[2], float(visible.amplitudes[-1]))
+        amplitude = multiple * visible.enough[2]
         effect = visible.at(amplitude)
         assert effect is not None
         try:

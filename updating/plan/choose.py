@@ -13,14 +13,16 @@ from fem.effects.places import members_mass
 from fem.model import Effect, Model, covers
 from updating.diagnosis.evidence.diagnosis import prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
-from updating.diagnosis.evidence.screening import Grid
+from updating.forecast.forecast import Forecast
+from updating.forecast.grid import Grid
+from updating.forecast.look import Look
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
 from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Sensor
 from updating.plan.planned import USUAL_NOISE, as_planned, planned_measurement, usual_discrepancy
-from updating.plan.visibility import Sight, between, needed, odds_against, size_of, sized
+from updating.plan.visibility import needed, odds_against, size_of, sized
 
 N_DOUBLED, N_HALVED = 5, 8
 """Steps that enclose a multiple of squares, and halves of the range in which it then is."""
@@ -198,16 +200,24 @@ def choose(
     base = fit_problem.nominal()
     problem = as_planned(fit_problem, base)
     discrepancy = usual_discrepancy(model_error) if discrepancy is None else discrepancy
-    sight = Sight(problem, base, discrepancy, N_LINES, len(frequency) * len(sensors) * len(excitations))
+    look = Look.of(
+        problem,
+        base,
+        N_LINES,
+        0,
+        len(frequency) * len(sensors) * len(excitations),
+        discrepancy,
+        bounded=False,
+    )
     odds = Odds.of(candidates, problem.reduced.model)
     n, effects, changes, against = _effects(
-        sight, candidates, sizes, odds, lambda part: say("effects", 0.1 + 0.4 * part)
+        look, candidates, sizes, odds, lambda part: say("effects", 0.1 + 0.4 * part)
     )
     same = np.array([[a.name == b.name or covers(b, a) for b in effects] for a in effects[:n]])
     least = np.where(same, 0.0, needed(against[:n, None] - against))
     least[np.arange(n), np.arange(n)] = needed(against[:n])
     say("what each channel says", 0.5)
-    channels = _Channels.of(sight, changes, len(sensors) / n_sensors)
+    channels = _Channels.of(look, changes, len(sensors) / n_sensors)
     pushed = _best_forces(channels, least, n_excitations or len(excitations))
     worth = _Worth(channels.of_sensors(pushed), channels.data, channels.known, least)
     taken, curve = _added(worth, n_sensors, lambda part: say("adding sensors", 0.6 + 0.2 * part))
@@ -221,37 +231,38 @@ def choose(
 
 
 def _effects(
-    sight: Sight, candidates: Sequence[Effect], sizes: Relevant, odds: Odds, say: Callable[[float], None]
+    look: Look, candidates: Sequence[Effect], sizes: Relevant, odds: Odds, say: Callable[[float], None]
 ) -> tuple[int, list[Effect], NDArray[np.complex128], Floats]:
     """Return effects at some positions, what they do to the residuals (n, m), and the log odds against each.
 
     The first, so many, are of a relevant size; a little of all others are the rivals.
     """
-    problem, mass = sight.problem, members_mass(sight.problem.reduced.model)
-    relevant: list[tuple[Effect, NDArray[np.complex128], float]] = []
-    others: list[tuple[Effect, NDArray[np.complex128], float]] = []
-    for i, effect in enumerate(candidates):
-        beat()
-        say(i / len(candidates))
-        little = sight.look.little(Grid.of(problem, effect))
-        against = odds_against(problem, effect, odds, len(little.points))
-        value = effect.relevant(sizes, mass, problem.surroundings) if len(near_to(effect)) == 1 else None
-        if value is None:
-            others += [(effect, little.change[k], against) for k in _some(len(little.points), N_OF_RIVALS)]
-            continue
-        reach = sight.reach(effect, little)
-        for k in _some(len(little.points), N_POSITIONS):
-            at = effect.with_values(**little.values(k, 1.0))
-            there = sized(at, value)
-            a = between(size_of(there) / size_of(at), *reach[k])
-            relevant.append((there, a * little.change[k], against))
-    effects, changes, odds_of = zip(*relevant, *others, strict=True)
-    return len(relevant), list(effects), np.array(changes), np.array(odds_of)
-
-
-def _some(n: int, most: int) -> list[int]:
-    """Return at most so many of n positions, evenly spaced."""
-    return np.unique(np.linspace(0, n - 1, min(n, most) + 2).round().astype(int)[1:-1]).tolist()
+    problem, mass = look.problem, members_mass(look.problem.reduced.model)
+    single = [len(near_to(e)) == 1 for e in candidates]
+    values = [
+        e.relevant(sizes, mass, problem.surroundings) if s else None
+        for e, s in zip(candidates, single, strict=True)
+    ]
+    counted = [(k, v) for k, v in enumerate(values) if v is not None]
+    rest = [k for k, v in enumerate(values) if v is None]
+    n, effects = 0, list[Effect]()
+    parts: list[NDArray[np.complex128]] = []
+    against: list[float] = []
+    for some, most in (([k for k, _ in counted], N_POSITIONS), (rest, N_OF_RIVALS)):
+        grids = [Grid.of(problem, candidates[k]) for k in some]
+        there = Forecast.of(look, grids, n_places=most, changes=True)
+        each = [odds_against(problem, g.effect, odds, len(g.slight_points())) for g in grids]
+        for i, o in enumerate(there.owner.tolist()):
+            slight, change, value = there.effect_at(i, 1.0), there.changes[i], values[some[o]]
+            if value is not None:
+                relevant = sized(slight, value)
+                change, slight = change * (size_of(relevant) / size_of(slight)), relevant
+            effects.append(slight)
+            parts.append(change)
+            against.append(each[o])
+        n = n or len(effects)
+        say(1.0 if some is rest else 0.7)
+    return n, effects, np.array(parts), np.array(against)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -281,17 +292,16 @@ class _Channels:
     data: Floats
 
     @classmethod
-    def of(cls, sight: Sight, changes: NDArray[np.complex128], more: float) -> "_Channels":
+    def of(cls, look: Look, changes: NDArray[np.complex128], more: float) -> "_Channels":
         """Sort the slopes; with fewer sensors than are possible each counts ``more``."""
-        look, scatter = sight.look, sight.problem.scatter
-        m = len(look.share)
-        n_out = len(sight.problem.data.measurement.sensors)
+        scatter, m = look.problem.scatter, len(look.share)
+        n_out = len(look.problem.data.measurement.sensors)
         J = (look.slopes[:, :m] + 1j * look.slopes[:, m : 2 * m]) * np.sqrt(more * look.weights[:m])
         of = np.full(len(J), -1)
         if scatter is not None and scatter.channels is not None and len(scatter.channels.of):
             numbers = scatter.channels.of
             of[-len(numbers) :] = np.where(numbers < n_out, numbers, -1)
-        _, output, input_ = np.unravel_index(look.at, sight.problem.data.mask[look.lines].shape)
+        _, output, input_ = np.unravel_index(look.at, look.problem.data.mask[look.lines].shape)
         shared = of < 0
         known = (look.slopes[shared, 2 * m :] ** 2).sum(axis=1)
         slopes = np.vstack([J[shared], changes * np.sqrt(more * look.weights[:m])])

@@ -10,14 +10,18 @@ from numpy.typing import NDArray
 from fem.effects.added_mass import AddedMass
 from fem.effects.support import Support
 from fem.model import Effect, Model, ModelError, ParameterRef
-from updating.diagnosis.evidence.screening import Complexes, Grid
 from updating.diagnosis.separation import places_along
+from updating.forecast.forecast import MOST_COMPARED, n_lines
+from updating.forecast.grid import Grid
+from updating.forecast.look import Complexes, Look
+from updating.inference.fit import FitProblem
+from updating.inference.fit_result import FitResult
 from updating.inference.formed import formed_problem
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
 from updating.plan.plan import Outlook, Plan
 from updating.plan.planned import as_planned, planned_like
-from updating.plan.visibility import Sight, needed
+from updating.plan.visibility import needed
 
 Floats = NDArray[np.float64]
 
@@ -104,7 +108,7 @@ class _State:
     @classmethod
     def of(
         cls,
-        sight: Sight,
+        look: Look,
         effects: Sequence[Effect],
         factors: Sequence[float],
         refs: Sequence[ParameterRef],
@@ -114,7 +118,6 @@ class _State:
         ``refs`` are the uncertain parameters that tests share. One that a structure does not have changes
         nothing there.
         """
-        look = sight.look
         m, n = len(look.share), len(look.prior_of)
         root = np.sqrt(np.tile(look.weights[:m], 2))
         changes = []
@@ -179,10 +182,14 @@ def perturbed(
     ]
     effects = [e for pair in slight for e in pair]
     factors = [f for o, _ in pairs for f in (o.visible.amplitude(o.relevant), 1.0)]
-    first = Sight(plan.visibility.problem, plan.visibility.base, discrepancy)
-    refs = first.look.prior_of
+
+    def look_at(problem: FitProblem, base: FitResult) -> Look:
+        return Look.of(problem, base, n_lines(problem), 0, MOST_COMPARED, discrepancy, bounded=False)
+
+    first = look_at(plan.visibility.problem, plan.visibility.base)
+    refs = first.prior_of
     alone = _State.of(first, effects, factors, refs).reduced()
-    known = (first.look.slopes[: len(refs), 2 * len(first.look.share) :] ** 2).sum(axis=1)
+    known = (first.slopes[: len(refs), 2 * len(first.share) :] ** 2).sum(axis=1)
     before = [_separation(alone, known, k) for k in range(len(pairs))]
     enough = float(needed(np.zeros(1))[0])
     best: list[Separation | None] = [None] * len(pairs)
@@ -191,7 +198,7 @@ def perturbed(
         test = planned_like(plan.measurement, change.model)
         fit_problem, _ = formed_problem(change.model, test, nuisances, **settings)
         base = fit_problem.nominal()
-        there = _State.of(Sight(as_planned(fit_problem, base), base, discrepancy), effects, factors, refs)
+        there = _State.of(look_at(as_planned(fit_problem, base), base), effects, factors, refs)
         both = alone + there.reduced()
         for k, (o, rival) in enumerate(pairs):
             gain, alike = _separation(both, known, k)

@@ -11,13 +11,13 @@ from fem.effects.places import members_mass
 from fem.model import Effect, Model
 from updating.diagnosis.evidence.diagnosis import Searched, prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
-from updating.diagnosis.evidence.screening import distance
+from updating.forecast.grid import distance
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit import FitProblem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
-from updating.plan.planned import as_planned, usual_discrepancy
+from updating.plan.planned import as_planned, usual_discrepancy, with_likely_shifts
 from updating.plan.visibility import Visibility, Visible, size_of, sized, visibility
 
 USUAL = Relevant()
@@ -173,7 +173,9 @@ def plan_test(
     return _plan(seen, formed.model, measurement, sizes)
 
 
-def plan_from_search(searched: Searched, sizes: Relevant = USUAL, progress: Progress | None = None) -> Plan:
+def plan_from_search(
+    searched: Searched[FitProblem], sizes: Relevant = USUAL, progress: Progress | None = None
+) -> Plan:
     """Return what measured data could still have shown besides what a diagnosis has found.
 
     Parameters
@@ -185,8 +187,8 @@ def plan_from_search(searched: Searched, sizes: Relevant = USUAL, progress: Prog
     """
     search, best = searched.search, searched.best
     measured = search.fits.problem
-    assert isinstance(measured, FitProblem)
-    problem = replace(measured, scatter=search.fits.ranking.scatter(measured, best.fitted, best.fitted.size))
+    scatter = with_likely_shifts(search.fits.ranking.scatter(measured, best.fitted))
+    problem = replace(measured, scatter=scatter)
     candidates = [c for c in search.compatible_with(best.effects) if not c.amplitude_dependent]
     say = progress or (lambda text, done: None)
     seen = visibility(problem, best.fitted, candidates, search.fits.odds, None, say)

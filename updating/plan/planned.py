@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRFKind
 from fem.model import Model
-from updating.inference.belief import DISCREPANCY_MAX, DISCREPANCY_MIN
+from updating.inference.belief import DISCREPANCY_MIN
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.scatter import form_scatter
+from updating.inference.scatter import FormScatter, form_scatter
 from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.computed import computed_frf
 from updating.measurement.measurement import Measurement, Sensor
@@ -79,15 +79,24 @@ def as_planned(problem: FitProblem, base: FitResult) -> FitProblem:
     eigenvalues are of a size that is exceeded with no more than a probability of 0.2.
     """
     problem = replace(problem, data=replace(problem.data, H=problem.receptance(base)))
-    scatter = form_scatter(problem, base)
-    if scatter is not None and scatter.sizes:
-        scatter = replace(scatter, eigenvalue=float(np.quantile(scatter.sizes, 0.8, method="lower")))
-    return replace(problem, scatter=scatter)
+    return replace(problem, scatter=with_likely_shifts(form_scatter(problem, base)))
+
+
+def with_likely_shifts(scatter: FormScatter | None) -> FormScatter | None:
+    """Return small deviations whose shifts of eigenvalues are exceeded with a probability of 0.2 at most.
+
+    A fit without an effect that is missing takes larger ones than a right model has.
+    """
+    if scatter is None or not scatter.sizes:
+        return scatter
+    return replace(scatter, eigenvalue=float(np.quantile(scatter.sizes, 0.8, method="lower")))
 
 
 def usual_discrepancy(model_error: float) -> float:
     """Return the level that a right model of beams usually leaves besides noise [nepers].
 
-    The geometric mean of the least and the most that fits allow (:mod:`updating.inference.belief`).
+    The least that fits allow (:mod:`updating.inference.belief`). Beside the small deviations that fits have
+    among their unknowns no more was left: in 20 of 21 structures of other codes nothing beyond the noise, in
+    one 0.14 dB. Of measured structures an earlier test says more.
     """
-    return float(np.sqrt(DISCREPANCY_MIN * DISCREPANCY_MAX) * model_error)
+    return DISCREPANCY_MIN * model_error

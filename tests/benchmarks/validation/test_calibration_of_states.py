@@ -7,10 +7,9 @@ from benchmarks.validation import modal_cases
 from benchmarks.validation.cases import CaseSettings
 from dovetail import load_study
 from dovetail.modes_pipeline import targets_of
-from fem import assemble
-from fem.analysis.modes import first_modes
+from fem import assemble, first_modes
 from tests.conftest import ROOT
-from updating.diagnosis.baseline import calibrate
+from updating.diagnosis import calibrate
 
 
 class Drawn(Exception):  # noqa: N818 - it carries a case, and is no error

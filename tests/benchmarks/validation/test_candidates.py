@@ -13,8 +13,7 @@ import fem
 from benchmarks.validation.frames import build_model, constant_loss, draw_draft, sensors_of
 from benchmarks.validation.hidden import EFFECTS, KINDS, SETS, draw_hidden
 from benchmarks.validation.judging import same_place
-from fem import assemble
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS, assemble
 from tests.frames import rows_at
 from updating import Measurement, propose
 from updating.correlation import log_ratio

@@ -18,7 +18,7 @@ from benchmarks.validation.frames import draw_draft, perturbed
 from benchmarks.validation.hidden import EFFECTS, FAULTS, KINDS, SETS, draw_hidden
 from benchmarks.validation.judging import judge, same_place
 from benchmarks.validation.table import as_markdown
-from dovetail.units.folder import FolderError
+from dovetail.units import FolderError
 from updating import propose
 from updating.correlation import DB_PER_NEPER, log_ratio
 

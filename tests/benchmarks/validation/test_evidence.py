@@ -20,7 +20,7 @@ from benchmarks.validation.cases import CaseSettings, draw_case
 from benchmarks.validation.evidence import Stated, at_truth, credible_set, loss_of
 from benchmarks.validation.judging import are_hidden, stated
 from updating import propose
-from updating.diagnosis.evidence.diagnosis import Searched
+from updating.diagnosis.evidence import Searched
 
 SETTINGS = CaseSettings(3, small=True)
 

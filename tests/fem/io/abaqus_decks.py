@@ -3,9 +3,8 @@
 import numpy as np
 
 from fem import assemble, solve_modes
-from fem.io import model_of
+from fem.io import DeckUnits, model_of
 from fem.io.abaqus_frame import read_abaqus_frame
-from fem.io.deck_units import DeckUnits
 
 E, RHO, L = 2.1e11, 7800.0, 2.0
 STEEL = f"*MATERIAL, NAME=STEEL\n*ELASTIC\n{E}, 0.3\n*DENSITY\n{RHO}\n"

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from fem import MeshError
-from fem.io.deck_units import DeckUnits
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS, MeshError
+from fem.io import DeckUnits
 from tests.fem.io.abaqus_decks import CLAMPED, RECT, RHO, STEEL, E, L, cantilever, deck_of, frequencies, line
 
 A, I11, I22 = 6e-4, 0.02 * 0.03**3 / 12, 0.03 * 0.02**3 / 12

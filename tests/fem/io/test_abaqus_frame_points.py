@@ -5,11 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem import assemble, solve_modes
-from fem.io import model_of
-from fem.io.deck_units import DeckUnits
-from fem.io.frame_deck import Body
-from fem.model import DIRECTIONS
+from fem import DIRECTIONS, assemble, solve_modes
+from fem.io import Body, DeckUnits, model_of
 from tests.fem.io.abaqus_decks import CLAMPED, RECT, RHO, STEEL, E, L, deck_of, frequencies, line
 
 A, I11, I22 = 6e-4, 0.02 * 0.03**3 / 12, 0.03 * 0.02**3 / 12

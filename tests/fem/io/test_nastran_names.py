@@ -2,8 +2,7 @@
 
 import pytest
 
-from dovetail import load_study
-from dovetail.cli import main
+from dovetail import load_study, main
 from fem import Frame
 from fem.io import read_model
 

@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from dovetail.cli import main
-from fem.io import read_frf, read_matrices, read_mesh, read_model, read_modes, read_uff
-from fem.io.frame_model import read_deck
-from fem.io.time_data import read_time_data
+from dovetail import main
+from fem.io import (
+    read_deck,
+    read_frf,
+    read_matrices,
+    read_mesh,
+    read_model,
+    read_modes,
+    read_time_data,
+    read_uff,
+)
 
 FRAME = (
     "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n*ELEMENT, TYPE=B31, ELSET=E\n1, 1, 2\n"

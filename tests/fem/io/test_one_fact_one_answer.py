@@ -5,10 +5,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from dovetail.cli import main
+from dovetail import main
 from fem import MeshError, assemble, solve_modes
-from fem.io import model_of
-from fem.io.frame_model import read_deck
+from fem.io import model_of, read_deck
 from tests.fem.io.abaqus_decks import RHO, STEEL, line
 
 NASTRAN = (

@@ -1,19 +1,19 @@
 """What the covariance of a fit says of the evidence without some of its effects."""
 
 from collections.abc import Collection, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, values_of
-from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.problem import Problem
 
 
 def gains_without(
-    problem: FitProblem | ModeProblem, h: Hypothesis, groups: Sequence[Collection[str]], odds: Odds
+    problem: Problem[Any], h: Hypothesis, groups: Sequence[Collection[str]], odds: Odds
 ) -> NDArray[np.float64]:
     """Return by how much the score of a hypothesis would rise without each of some groups of its effects.
 
@@ -23,7 +23,7 @@ def gains_without(
 
     Parameters
     ----------
-    problem : FitProblem or ModeProblem
+    problem : Problem
     h : Hypothesis
         Fitted.
     groups : sequence of collection of str
@@ -31,8 +31,7 @@ def gains_without(
     odds : Odds
     """
     effects = h.effects
-    lines = np.arange(2) if isinstance(problem, FitProblem) else problem.targets.fitted
-    function = problem.function(effects, values_of(effects), lines)
+    function = problem.residuals(effects, values_of(effects))
     x, C = h.fitted.solution.x, h.fitted.solution.covariance
     if len(x) < len(function.variables):
         return np.full(len(groups), np.nan)
@@ -75,7 +74,7 @@ def _way(function: FitFunction, by_name: dict[str, Effect], i: int, x: float) ->
     return (max(grid) if np.isinf(p.absent) else min(grid)) - x
 
 
-def left_out(problem: FitProblem | ModeProblem, h: Hypothesis, names: Sequence[str], odds: Odds) -> set[str]:
+def left_out(problem: Problem[Any], h: Hypothesis, names: Sequence[str], odds: Odds) -> set[str]:
     """Return which effects, one after the other and not all, would raise a score by their absence."""
     removed: set[str] = set()
     best = 0.0

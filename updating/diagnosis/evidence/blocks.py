@@ -8,7 +8,8 @@ import scipy
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Start
-from updating.diagnosis.evidence.screening import Grid, Look, SmallChange
+from updating.forecast.grid import Grid
+from updating.forecast.look import Look, SmallChange
 from updating.inference.fit import FitProblem
 
 LEAST_MULTIPLE = 1.0

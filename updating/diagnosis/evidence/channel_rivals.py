@@ -11,7 +11,7 @@ from updating.quality.channel_faults import CORRECTED_KINDS, channel_faults
 from updating.quality.corrections import Fault, corrected
 
 
-def without_effects_of_channels(done: Searched) -> Searched:
+def without_effects_of_channels(done: Searched[FitProblem]) -> Searched[FitProblem]:
     """Return a search, or the same with a fault of a channel in the place of an effect that it found.
 
     A tolerance keeps the error of a channel small, and an effect may be taken for the rest of it. So data
@@ -19,7 +19,7 @@ def without_effects_of_channels(done: Searched) -> Searched:
     as of the search's own readings, by their evidence and the odds against each effect and each fault.
     """
     best = done.best
-    if not done.explains or not isinstance(done.search.fits.problem, FitProblem):
+    if not done.explains:
         return done
     readings = [found for e in best.effects if (found := _without(done, e.name)) is not None]
     better = max(readings, key=lambda r: r.best.score, default=None)
@@ -28,7 +28,7 @@ def without_effects_of_channels(done: Searched) -> Searched:
     return better
 
 
-def _without(done: Searched, name: str) -> Searched | None:
+def _without(done: Searched[FitProblem], name: str) -> Searched[FitProblem] | None:
     """Return a search of data corrected for channels that are far off without an effect; None without any."""
     search, best = done.search, done.best
     rest = tuple(e for e in best.effects if e.name != name)
@@ -42,11 +42,10 @@ def _without(done: Searched, name: str) -> Searched | None:
     return _corrected(done, h, faults) if faults else None
 
 
-def _corrected(done: Searched, h: Hypothesis, faults: tuple[Fault, ...]) -> Searched:
+def _corrected(done: Searched[FitProblem], h: Hypothesis, faults: tuple[Fault, ...]) -> Searched[FitProblem]:
     """Return a search of data corrected for faults that has fitted a hypothesis, and nothing, to them."""
     one = done.search
     problem = one.fits.problem
-    assert isinstance(problem, FitProblem)
     search = Search(
         replace(problem, data=corrected(problem.data, faults)),
         one.fits.form,

@@ -4,15 +4,15 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Unpack
+from typing import Any, Generic, Unpack
 
 import numpy as np
 
 from fem.model import Effect, Model
-from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.begin import calibrated
 from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.evidence.budget import NORMAL, Budget
+from updating.diagnosis.evidence.fits import P
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Promised
 from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
@@ -42,7 +42,7 @@ AS_READ = "not "
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Searched:
+class Searched(Generic[P]):
     """A search and its best hypothesis so far.
 
     Attributes
@@ -62,26 +62,24 @@ class Searched:
         another model of an earlier state.
     """
 
-    search: Search
+    search: Search[P]
     best: Hypothesis
     faults: tuple[Fault, ...]
     mesh_db: float
     model: Model
     notes: tuple[str, ...] = ()
-    otherwise: "tuple[Searched, ...]" = ()
+    otherwise: "tuple[Searched[P], ...]" = ()
 
     @property
-    def problem(self) -> FitProblem:
+    def problem(self: "Searched[FitProblem]") -> FitProblem:
         """The problem of the first level of force."""
         p = self.search.fits.problem
-        assert isinstance(p, FitProblem)
-        return p.first if isinstance(p, LevelProblem) else p
+        return p.responses.at_first_level(p)
 
     @property
-    def n_levels(self) -> int:
+    def n_levels(self: "Searched[FitProblem]") -> int:
         """Number of levels of force whose data the hypotheses were fitted to."""
-        p = self.search.fits.problem
-        return len(p.levels) if isinstance(p, LevelProblem) else 1
+        return self.search.fits.problem.responses.n_levels
 
     @property
     def explains(self) -> bool:
@@ -166,7 +164,7 @@ def search_by_evidence(
     progress: Progress | None = None,
     crew: Workers = ALONE,
     **settings: Unpack[ProblemOptions],
-) -> Searched:
+) -> Searched[FitProblem]:
     """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
 
     A ``crew`` computes independent fits.
@@ -205,7 +203,7 @@ def search_of_problem(
     progress: Progress,
     crew: Workers = ALONE,
     budget: Budget = NORMAL,
-) -> Searched:
+) -> Searched[FitProblem]:
     """Return a search of a problem that knows the model without effects, with faults set right.
 
     Where some faults are doubtful, ``otherwise`` has a second search, of the data with those uncorrected.
@@ -224,7 +222,7 @@ def search_of_problem(
     if modes is not None:
         notes += (f"{len(modes.fitted)} measured modes ({modes.name}) were fitted together with the FRFs",)
 
-    def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched:
+    def reading(problem: FitProblem, near: FitResult, faults: tuple[Fault, ...]) -> Searched[FitProblem]:
         search = Search(
             problem,
             formed.form,
@@ -248,7 +246,7 @@ def search_of_problem(
     return replace(found, otherwise=(reading(other, result, sure),))
 
 
-def searched(initial: Searched, progress: Progress) -> Searched:
+def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
     """Return a search that has ended: of two readings of the data, the one with the best hypothesis.
 
     Each of the two adds effects once; then the one that explains the data better continues. It ends where

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -14,13 +14,10 @@ from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.belief import FAR_STD
-from updating.inference.fit import FitProblem
-from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, QUICK_LINES, QUICK_NATS, fit, scattered
-from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import Nuisance
-from updating.least_squares.loss import pseudo_huber
+from updating.inference.problem import Problem
 
 LOW_LINES = 16
 """Lines of fits in the lowest band, which has few modes."""
@@ -33,20 +30,19 @@ AROUND = (0.6, 1.0, 1.6)
 """Factors of a found positive parameter at which other maxima are looked for."""
 N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
-MOST_MOVES, BASIS_NATS = 5, 0.1
-"""A fit to modes begins again at most so often on the basis of the places that it has found, while its
-likelihood there differs by so much [nats]."""
-AnyProblem = FitProblem | ModeProblem
+MOST_MOVES = 5
+"""A fit begins again at most so often on the basis of the places that it has found."""
+P = TypeVar("P", bound=Problem[Any])
 Fit = TypeVar("Fit")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fits:
+class Fits(Generic[P]):
     """Fits to one set of data, each by itself: several processes may share them.
 
     Attributes
     ----------
-    problem : FitProblem or ModeProblem
+    problem : Problem
         With the form among the uncertain parameters.
     form : tuple of Nuisance
         Those of them that are the form's.
@@ -55,7 +51,7 @@ class Fits:
     budget : Budget
     """
 
-    problem: AnyProblem
+    problem: P
     form: tuple[Nuisance, ...]
     odds: Odds
     ranking: Ranking
@@ -77,14 +73,9 @@ class Fits:
 
     def is_bent(self, h: Hypothesis) -> bool:
         """Whether uncertain parameters of a model without effects are implausibly far from nominal."""
-        problem = self.problem
-        if h.effects or not isinstance(problem, FitProblem):
-            return False
-        std = problem.data.measurement.errors.std
-        z = h.fitted.channels / np.where(std > 0, std, 1.0)
-        return bool(np.abs([*problem.strains(h.fitted).values(), *z.ravel()]).max(initial=0.0) > FAR_STD)
+        return not h.effects and self.problem.strain(h.fitted) > FAR_STD
 
-    def problems(self, base: Hypothesis) -> tuple[AnyProblem, AnyProblem]:
+    def problems(self, base: Hypothesis) -> tuple[P, P]:
         """Return the problems of short fits, and of fits continued from them, that extend a hypothesis.
 
         Short ones have a nominal form where that is far from the data: in a few steps it would only bend
@@ -97,7 +88,7 @@ class Fits:
         quick = replace(self.problem, nuisances=nuisances)
         return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base))), free
 
-    def free(self, base: Hypothesis) -> AnyProblem:
+    def free(self, base: Hypothesis) -> P:
         """Return the problem of fits that extend a hypothesis, with its form free."""
         return replace(self.problem, scatter=self.ranking.scatter(self.problem, base.fitted))
 
@@ -111,7 +102,7 @@ class Fits:
         return replace(result, values={r: v for r, v in result.values.items() if r[0] not in fixed})
 
     def shortly(
-        self, quick: AnyProblem, effects: Sequence[Effect], starts: Sequence[Start], steps: int = SHORT_STEPS
+        self, quick: P, effects: Sequence[Effect], starts: Sequence[Start], steps: int = SHORT_STEPS
     ) -> list[Hypothesis]:
         """Return a hypothesis after a few steps from each of some starts, the best first.
 
@@ -130,18 +121,16 @@ class Fits:
         )
         return sorted(fits, key=lambda h: -h.fitted.log_evidence)
 
-    def _in_lowest_band(
-        self, quick: AnyProblem, effects: Sequence[Effect], start: Start
-    ) -> tuple[float, Start]:
+    def _in_lowest_band(self, quick: P, effects: Sequence[Effect], start: Start) -> tuple[float, Start]:
         how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": LOW_LINES, "max_iterations": 3}
         return self._fit(quick, effects, start.values, **how).fitted.log_likelihood, start
 
-    def continued(self, quick: AnyProblem, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+    def continued(self, quick: P, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
         """Return the best of hypotheses with the same effects that are fitted on from where they are."""
         fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in hypotheses]
         return max(fits, key=lambda h: h.score)
 
-    def pruned(self, quick: AnyProblem, h: Hypothesis, base: Hypothesis) -> Hypothesis:
+    def pruned(self, quick: P, h: Hypothesis, base: Hypothesis) -> Hypothesis:
         """Return a hypothesis without those of several new effects whose absence raises its score.
 
         On few lines; one of them stays. The covariance tells which, and a fit confirms it. Where it does not,
@@ -159,14 +148,12 @@ class Fits:
             h = best
         return h
 
-    def _without(self, quick: AnyProblem, h: Hypothesis, groups: Sequence[Set[str]]) -> list[Hypothesis]:
+    def _without(self, quick: P, h: Hypothesis, groups: Sequence[Set[str]]) -> list[Hypothesis]:
         """Return fits without some effects, from near where all are."""
         rests = [tuple(e for e in h.effects if e.name not in names) for names in groups]
         return possible(partial(self.quickly, quick, h, rest, values_of(rest)) for rest in rests)
 
-    def quickly(
-        self, quick: AnyProblem, near: Hypothesis, effects: Sequence[Effect], values: Values
-    ) -> Hypothesis:
+    def quickly(self, quick: P, near: Hypothesis, effects: Sequence[Effect], values: Values) -> Hypothesis:
         """Return a hypothesis fitted on few lines from near another one.
 
         The lines count as those of a full fit.
@@ -175,7 +162,7 @@ class Fits:
 
     def from_result(
         self,
-        quick: AnyProblem,
+        quick: P,
         near: FitResult,
         effects: Sequence[Effect],
         values: Values,
@@ -208,31 +195,21 @@ class Fits:
         fits = [self._where_it_is(problem, effects, values, **way) for way in ways]
         return self.scattered(problem, max(fits, key=lambda h: h.fitted.log_evidence))
 
-    def _where_it_is(
-        self, problem: AnyProblem, effects: Sequence[Effect], values: Values, **way: Any
-    ) -> Hypothesis:
-        """Return a fit; to modes on a basis with the forces of effects at the places to which it moves them.
-
-        Frequencies know a place by the stiffness there alone, which is too high where the basis lacks them.
-        """
+    def _where_it_is(self, problem: P, effects: Sequence[Effect], values: Values, **way: Any) -> Hypothesis:
+        """Return a fit, on a basis for the places to which it moves effects."""
         h = self._fit(problem, effects, values, **self._all_lines, **way)
         if not any(p.position for e in h.effects for p in e.parameters()):
             return h
         for _ in range(MOST_MOVES):
-            if not isinstance(problem, ModeProblem):
+            there = problem.at_places_of(h.fitted)
+            if there is None:
                 break
-            values = values_of(h.effects)
-            problem = replace(problem, reduced=problem.reduced.with_forces_of(h.effects))
-            function = problem.function(h.effects, values, problem.targets.fitted)
-            r, _ = function(function.point_of(h.fitted), False)
-            misfit = function.mean_by_group(pseudo_huber(r, ROBUST))
-            if abs(h.fitted.log_likelihood_at(misfit) - h.fitted.log_likelihood) < BASIS_NATS:
-                break
+            problem = there
             again: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted}
-            h = self._fit(problem, h.effects, values, **self._all_lines, **again)
+            h = self._fit(problem, h.effects, values_of(h.effects), **self._all_lines, **again)
         return h
 
-    def scattered(self, problem: AnyProblem, h: Hypothesis) -> Hypothesis:
+    def scattered(self, problem: P, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted on with the small deviations of its form, of the modes it has there."""
         how = {"n_passes": self.budget.n_passes, "n_lines": self.budget.n_lines}
         return replace(h, fitted=scattered(problem, h.fitted, self.ranking.scatter, **how))
@@ -252,11 +229,11 @@ class Fits:
         """Lines of full fits, and as how many they count."""
         return {"n_lines": self.budget.n_lines, "counted_as": FULL_LINES}
 
-    def _fit(self, problem: AnyProblem, effects: Sequence[Effect], values: Values, **how: Any) -> Hypothesis:
+    def _fit(self, problem: P, effects: Sequence[Effect], values: Values, **how: Any) -> Hypothesis:
         return Hypothesis(fit(problem, effects, values, **how), self.odds.prior(effects))
 
 
-def with_forces(problem: AnyProblem, effects: Sequence[Effect], values: Values) -> AnyProblem:
+def with_forces(problem: P, effects: Sequence[Effect], values: Values) -> P:
     """Return a problem whose basis has the responses to forces of effects at some values."""
     there = [e.with_values(**v) for e, v in zip(effects, values, strict=True)]
     return replace(problem, reduced=problem.reduced.with_forces_of(there))

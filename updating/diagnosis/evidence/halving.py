@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.correlation import log_ratio
-from updating.diagnosis.amplitude import LevelProblem
 from updating.diagnosis.evidence.fits import with_forces
 from updating.diagnosis.evidence.hypothesis import Start, key_of, values_of
 from updating.inference.belief import TWIN_NATS
-from updating.inference.damped import Continuation, continuation_of, damped
+from updating.inference.damped import DampedFrfs
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
@@ -69,33 +68,28 @@ class Damped:
 
     Attributes
     ----------
-    problem : FitProblem
+    measured : DampedFrfs
     result : FitResult
     """
 
-    problem: FitProblem
+    measured: DampedFrfs
     result: FitResult
     # By decay rate: the second stage is looked at, too.
     _known: dict[float, FitProblem | None] = field(default_factory=dict, init=False, repr=False)
 
-    @cached_property
-    def measured(self) -> Continuation | None:
-        """The measured FRFs below the real axis; None where they have no phases or are of several levels."""
-        return None if isinstance(self.problem, LevelProblem) else continuation_of(self.problem)
+    @property
+    def problem(self) -> FitProblem:
+        """The problem without decay."""
+        return self.measured.problem
 
     @cached_property
-    def computed(self) -> FitProblem:
-        """The problem with the model's own FRFs for data, as noisy as what was measured."""
+    def computed(self) -> DampedFrfs | None:
+        """The model's own FRFs for data, as noisy as what was measured."""
         bare = replace(self.problem, scatter=None)
         data, rng = bare.data, np.random.default_rng(0)
         parts = rng.standard_normal((2, *data.noise.shape))
         noise = np.where(data.mask, data.noise, 0.0) * (parts[0] + 1j * parts[1])
-        return replace(bare, data=replace(data, H=bare.receptance(self.result) * (1 + noise)))
-
-    @cached_property
-    def of_computed(self) -> Continuation | None:
-        """The model's own FRFs below the real axis."""
-        return continuation_of(self.computed)
+        return replace(bare, data=replace(data, H=bare.receptance(self.result) * (1 + noise))).damped_frfs()
 
     def for_look(self) -> FitProblem | None:
         """Return the problem for a look at single effects; None where there is none."""
@@ -112,8 +106,8 @@ class Damped:
         return self._known[share]
 
     def _at(self, share: float) -> FitProblem | None:
-        weak = damped(self.problem, share, self.measured) if self.measured else None
-        summed = damped(self.computed, share, self.of_computed) if weak else None
+        weak = self.measured.at(share)
+        summed = self.computed.at(share) if weak and self.computed else None
         if weak is None or summed is None:
             return None
         problem, lines = self.problem, weak.lines_up_to(np.inf, N_SOUND)

@@ -21,13 +21,14 @@ from updating.diagnosis.evidence.hypothesis import Start
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.ranking import MOST_GRIDS, Against, RankedBlocks
 from updating.diagnosis.evidence.scan import Scanned
-from updating.diagnosis.evidence.screening import Grid, Screened, candidate_terms
+from updating.diagnosis.evidence.screening import Screened
+from updating.forecast.grid import Grid, Little
+from updating.forecast.look import candidate_terms
+from updating.forecast.sizes import Sizes
 from updating.inference.belief import EFFECT_ODDS
-from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
 from updating.inference.mode_fit import DOUBT, MetModes, ModeFunction, ModeProblem, Partners
-from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
 N_LOOKED = 24
 """Number of the best candidates by slopes that are evaluated on their grids, near the data."""
@@ -397,6 +398,7 @@ class ModeRanking:
     """Ranking by measured modes: they tell candidates apart less, and fits to them cost little."""
 
     breadth = 12
+    precise_looks = False
 
     def scan(self, problem: ModeProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places by the misfit that the slopes of all candidates there leave.
@@ -503,7 +505,7 @@ class ModeRanking:
 
 def _grids(problem: ModeProblem, effects: Sequence[Effect]) -> list[Grid]:
     """Return the grids of effects that have points; modes say nothing of amplitudes."""
-    grids = [Grid.of(problem, e) for e in effects]  # type: ignore[arg-type]
+    grids = [Grid.of(problem, e) for e in effects]
     return [g for g in grids if g.points and not g.effect.amplitude_dependent]
 
 
@@ -546,82 +548,50 @@ def _by_slopes(changes: ModeChanges, grids: Sequence[Grid]) -> list[tuple[ModeLo
 
     In a look at it, and in one that believes every reading where any seems bad.
     """
-    points = [(n, *each) for n, grid in enumerate(grids) for each in grid.slight_points()]
-    slopes = changes.slopes([grids[n].effect.with_values(**p) for n, p, _ in points])
+    # a change is taken from the nominal value, also of a parameter that is replaced
+    littles = [Little.of(grid, {}) for grid in grids]
+    slopes = changes.slopes([o.grid.effect.with_values(**p) for o in littles for p in o.points])
     look = ModeLook(changes)
     looks = (look, ModeLook(changes, all_belong=True)) if look.doubtful else (look,)
-    return [(look, _best_multiples(look, grids, points, look.adapted(slopes))) for look in looks]
+    return [(look, _best_multiples(look, littles, look.adapted(slopes))) for look in looks]
 
 
-def _best_multiples(
-    look: ModeLook,
-    grids: Sequence[Grid],
-    points: list[tuple[int, dict[str, float], float]],
-    slopes: Floats,
-) -> list[SmallModeChange]:
-    """Return what the best multiples of slopes do: of points of grids, whose numbers stand before them."""
-    owner = np.array([n for n, _, _ in points], dtype=int)
+def _best_multiples(look: ModeLook, littles: Sequence[Little], slopes: Floats) -> list[SmallModeChange]:
+    """Return what the best multiples of the slopes by a little of each candidate do, place by place."""
+    n_each = [len(o.points) for o in littles]
     slopes, y = np.nan_to_num(slopes), look.misfit
     size = (slopes**2).sum(axis=1)
     factor = -(slopes @ y) / np.where(size > 0, size, 1.0)
-    one_sided = np.array([grids[n].one_sided() for n in owner], dtype=bool)
-    limit = np.array([most for _, _, most in points])
+    one_sided = np.repeat([o.grid.one_sided() for o in littles], n_each)
+    limit = np.concatenate([np.zeros(0), *(o.most for o in littles)])
     factor = np.clip(factor, np.where(one_sided, 0.0, -limit), limit)
     squares = ((y + factor[:, None] * slopes) ** 2).sum(axis=1)
     gain, sharp = look.evidence(slopes, factor)
     gain[np.sqrt(size) * limit < VISIBLE] = -np.inf
     std, out = 1 / np.maximum(sharp, 1e-12), []
-    for n, grid in enumerate(grids):
-        rows = np.flatnonzero(owner == n)
-        sizes = _Sizes.of(look.changes.problem, grid)
-        each = [gain[k] + sizes.log_prior(points[k][1], factor[k], std[k]) for k in rows]
-        k = min(rows, key=lambda k: squares[k])
+    for little, end in zip(littles, np.cumsum(n_each).tolist(), strict=True):
+        rows = range(end - len(little.points), end)
+        sizes = Sizes.of(look.changes.problem, little)
+        each = [gain[i] + sizes.log_share(k, float(factor[i]), float(std[i])) for k, i in enumerate(rows)]
+        k = int(np.argmin(squares[rows]))
+        i = rows[k]
         evidence = float(np.logaddexp.reduce(each) - np.log(len(rows)))
-        out.append(
-            SmallModeChange(float(squares[k]), *sizes.around(points[k][1], factor[k], std[k]), evidence)
-        )
+        values, deviations = _around(sizes, k, float(factor[i]), float(std[i]))
+        out.append(SmallModeChange(float(squares[i]), values, deviations, evidence))
     return out
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sizes:
-    """How probable the sizes of a candidate are before any data."""
+def _around(sizes: Sizes, k: int, factor: float, std: float) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the values at a multiple of the k-th place, and their deviations; of positions the grid's.
 
-    grid: Grid
-    unknown: ScaledUnknown
-    prior: EffectPrior
-
-    @classmethod
-    def of(cls, problem: Any, grid: Grid) -> "_Sizes":
-        unknown = effect_unknowns((grid.effect,), (grid.points[0],))[0]
-        return cls(grid, unknown, prior_of(problem, grid.effect, unknown))
-
-    def log_prior(self, point: dict[str, float], factor: float, std: float) -> float:
-        """Return the log probability of multiples where a normal likelihood is as good as at its maximum.
-
-        They are as many as its integral over its height: √(2π) deviations, but no more than there are.
-        """
-        half = np.sqrt(np.pi / 2) * std
-        return float(
-            np.log(max(self.prior.mass(self._x(point, factor - half), self._x(point, factor + half)), 1e-300))
-        )
-
-    def around(
-        self, point: dict[str, float], factor: float, std: float
-    ) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the values at a multiple, and their deviations: of other parameters those of the grid.
-
-        Where the data ask for none of it, those of the slight change: nothing is known of a bound's effect.
-        """
-        name, factor = self.unknown.ref[1], factor or 1.0
-        values = self.grid.scaled(point, factor)
-        x, *ends = (self._x(point, a) for a in (factor, factor - std, factor + std))
-        wide = min(self.prior.std, abs(ends[1] - ends[0]) / 2)
-        deviation = {key: float(np.std([q[key] for q in self.grid.points])) for key in point}
-        return values, deviation | {name: self.unknown.deviation(x, wide)}
-
-    def _x(self, point: dict[str, float], factor: float) -> float:
-        return self.unknown.to_x(self.grid.scaled(point, factor)[self.unknown.ref[1]])
+    Where the data ask for none of it, those of the slight change: nothing is known of a bound's effect.
+    """
+    factor = factor or 1.0
+    values = sizes.little.values(k, factor)
+    x, *ends = (sizes.x(k, a) for a in (factor, factor - std, factor + std))
+    wide = min(sizes.prior.std, abs(ends[1] - ends[0]) / 2)
+    deviation = {key: float(np.std([q[key] for q in sizes.little.grid.points])) for key in values}
+    return values, deviation | {sizes.ref[1]: sizes.unknown.deviation(x, wide)}
 
 
 def _residual_ratio(look: ModeLook, slopes: Floats) -> float:

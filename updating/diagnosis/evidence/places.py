@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from fem.model import Contribution, Effect, Model, parameter_values
 from fem.reduction.local_changes import LocalChanges
-from updating.inference.fit import FitProblem
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.problem import Problem
 
 MOST_DOFS = 36
 """Effects on more DOFs act on a member or more as a whole: what they do is one shape at each line."""
@@ -76,7 +75,7 @@ def place_of(effect: Effect) -> tuple[str, str]:
     return "structure", effect.where
 
 
-def places_of(problem: FitProblem | ModeProblem, candidates: Iterable[Effect]) -> tuple[Place, ...]:
+def places_of(problem: Problem[Any], candidates: Iterable[Effect]) -> tuple[Place, ...]:
     """Return all places at which candidates act, each with its candidates.
 
     Those with a position are at ``ALONG`` points of their member.

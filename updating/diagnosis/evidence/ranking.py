@@ -1,7 +1,7 @@
 """What the search needs of a kind of data besides fits: which places and candidates deserve one."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,13 +10,14 @@ from fem.model import Effect
 from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.scan import Scan, Scanned
-from updating.diagnosis.evidence.screening import LEAST_GRIDS, Grid, Screened, look_at, screen, screen_near
-from updating.diagnosis.evidence.shortlist import linear_gains, rivals, shortlist
+from updating.diagnosis.evidence.screening import LEAST_GRIDS, Screened, look_at, screen, screen_near
+from updating.diagnosis.evidence.shortlist import MOST_PLACES, rivals, shortlist
+from updating.forecast.forecast import Forecast
+from updating.forecast.grid import Grid
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
 from updating.inference.form_scatter import FormScatter
-from updating.inference.joint_fit import with_modes
 from updating.inference.scatter import form_scatter
 
 MOST_GRIDS = 100
@@ -33,6 +34,11 @@ class Ranking(Protocol):
     @property
     def breadth(self) -> int:
         """Number of single effects that get a short fit, and of hypotheses whose fits are continued."""
+        ...
+
+    @property
+    def precise_looks(self) -> bool:
+        """Whether a look at small changes near the data tells what a fit would gain."""
         ...
 
     def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
@@ -106,6 +112,7 @@ class FrfRanking:
 
     breadth: int = 8
     form_share: float = 1.0
+    precise_looks: bool = True
 
     def scan(self, problem: FitProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places by the share of the misfit that free forces there leave."""
@@ -124,21 +131,43 @@ class FrfRanking:
         """Return candidates by the likelihood that they reach on grids of their parameters."""
         grids = [Grid.of(problem, e) for e in effects]
         if against is not None:
-            gains = linear_gains(problem, current, grids)
-            promised = gains - np.array([against(e) for e in effects])
-            order = [int(i) for i in np.argsort(-promised, kind="stable")]
-            deserves = promised > 0.0
-            deserves[[i for i in order if np.isfinite(promised[i])][:LEAST_GRIDS]] = True
-            kept = [i for i in order if deserves[i]]
-            looked = screen_near(problem, current, [grids[i] for i in kept], gains[kept])
-            rest = (i for i in order if not deserves[i] and np.isfinite(gains[i]))
-            return (*looked, *(Screened(effects[i], (), float(gains[i])) for i in rest))
+            return self._screened_near(problem, current, effects, grids, against)
         # Damped FRFs bend nothing.
         bases = (current,) if problem.decay else (current, problem.at_nominal(current))
         if len(grids) > MOST_GRIDS:
             chosen = shortlist(problem, bases, grids)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, bases, grids, far=far)
+
+    def _screened_near(
+        self,
+        problem: FitProblem,
+        current: FitResult,
+        effects: Sequence[Effect],
+        grids: Sequence[Grid],
+        against: Against,
+    ) -> tuple[Screened, ...]:
+        """Return all candidates: those that may win as their grids have them, the others by the forecast."""
+        forecast = Forecast.at(problem, current, effects, n_places=MOST_PLACES)
+        linear, evidence = forecast.best_gains, forecast.log_evidence
+        # What releases a constraint is no small change: a look decides.
+        gains = np.where([bool(e.released()) for e in effects], np.inf, linear)
+        promised = gains - np.array([against(e) for e in effects])
+        order = [int(i) for i in np.argsort(-promised, kind="stable")]
+        deserves = promised > 0.0
+        deserves[[i for i in order if np.isfinite(promised[i])][:LEAST_GRIDS]] = True
+        kept = [i for i in order if deserves[i]]
+        looked = screen_near(problem, current, [grids[i] for i in kept], gains[kept])
+        number = {e.name: i for i, e in enumerate(effects)}
+        out = []
+        for s in looked:
+            i = number.pop(s.effect.name)
+            more = s.gain - max(float(linear[i]), 0.0)
+            out.append(replace(s, log_evidence=float(evidence[i]) + more))
+        return (
+            *out,
+            *(Screened(effects[i], (), float(linear[i]), float(evidence[i])) for i in number.values()),
+        )
 
     def blocks(self, problem: FitProblem, current: FitResult, *, far: bool) -> RankedBlocks:
         """Return a function that ranks groups by their slopes, at fitted and at nominal parameters."""
@@ -159,5 +188,4 @@ class FrfRanking:
 
     def allowed_squares(self, problem: FitProblem) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
-        lines = problem.lines_up_to(np.inf, FULL_LINES)
-        return with_modes(problem, problem.function((), (), lines), np.inf).allowed_squares()
+        return problem.residuals(n_lines=FULL_LINES).allowed_squares()

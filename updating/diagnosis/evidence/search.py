@@ -4,7 +4,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence, Set
 from dataclasses import InitVar, dataclass, field, replace
 from functools import partial
-from itertools import combinations, islice, product
+from itertools import combinations, product
+from typing import Generic
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,8 @@ from updating.diagnosis.evidence.fits import (
     MOST_STEPS,
     QUICK_STEPS,
     SHORT_STEPS,
-    AnyProblem,
     Fits,
+    P,
     around,
     with_forces,
 )
@@ -42,12 +43,10 @@ from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.ranking import FrfRanking, RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
-from updating.inference.bases import BASIS_LINES, better_basis
 from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
-from updating.inference.effect_priors import log_occam_factor
+from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.fitting import FULL_LINES
 from updating.inference.parameters import Nuisance
 from updating.inference.workers import ALONE, Workers
 
@@ -86,21 +85,6 @@ class NextHypotheses:
     starts: Sequence[Start]
     worth: float
     is_first: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Promise:
-    """What was not fitted, as a look at small changes promises less than there is.
-
-    Attributes
-    ----------
-    base : frozenset of str
-        Key of the hypothesis that it extends.
-    proposal : NextHypotheses
-    """
-
-    base: frozenset[str]
-    proposal: NextHypotheses
 
 
 def _size(effect: Effect, values: dict[str, float]) -> float:
@@ -150,29 +134,24 @@ class Maximum:
         return float(np.abs((self.x - other.x) / np.sqrt(np.diag(other.covariance))).max())
 
 
-def straight(problem: FitProblem, result: FitResult) -> FitResult:
-    """Return a result with all that is uncertain but damping at its nominal value."""
-    return replace(problem.at_nominal(result), scatter=np.zeros(0)).as_described()
-
-
 # What processes are asked for, each with what they share.
 
 
 def _shortly(
-    shared: tuple[Fits, AnyProblem, Hypothesis], item: tuple[tuple[Effect, ...], Sequence[Start]]
+    shared: tuple[Fits[P], P, Hypothesis], item: tuple[tuple[Effect, ...], Sequence[Start]]
 ) -> list[Hypothesis]:
     (fits, quick, base), (effects, starts) = shared, item
     # Near the data the looks say which effects deserve a fit, and few do; all else must follow each of them.
     return fits.shortly(quick, effects, starts, SHORT_STEPS if fits.is_far(base) else QUICK_STEPS)
 
 
-def _continued(shared: tuple[Fits, AnyProblem, Hypothesis], item: list[Hypothesis]) -> Hypothesis:
+def _continued(shared: tuple[Fits[P], P, Hypothesis], item: list[Hypothesis]) -> Hypothesis:
     fits, quick, base = shared
     return fits.pruned(quick, fits.continued(quick, item), base)
 
 
 def _quickly(
-    shared: tuple[Fits, AnyProblem, Hypothesis], item: tuple[Sequence[Effect], Values]
+    shared: tuple[Fits[P], P, Hypothesis], item: tuple[Sequence[Effect], Values]
 ) -> Hypothesis | None:
     (fits, quick, near), (effects, values) = shared, item
     try:
@@ -181,12 +160,12 @@ def _quickly(
         return None
 
 
-def _onward(shared: tuple[Fits, AnyProblem], item: Hypothesis) -> Hypothesis:
+def _onward(shared: tuple[Fits[P], P], item: Hypothesis) -> Hypothesis:
     fits, quick = shared
     return fits.continued(quick, [item])
 
 
-def _ended(shared: tuple[Fits, AnyProblem, Hypothesis], item: HalvingTrial) -> Hypothesis:
+def _ended(shared: tuple[Fits[P], P, Hypothesis], item: HalvingTrial) -> Hypothesis:
     (fits, problem, base), (effects, start) = shared, item.candidate
     ended = fits.from_result(problem, start.near, effects, start.values, MOST_STEPS)
     return fits.pruned(problem, ended, base)
@@ -202,7 +181,7 @@ def _fully(shared: tuple[Fits, bool], near: Hypothesis) -> Hypothesis:
 
 
 @dataclass(slots=True, eq=False)
-class Search:
+class Search(Generic[P]):
     """A search and all hypotheses that it has fitted.
 
     Attributes
@@ -226,7 +205,7 @@ class Search:
         By the key of a hypothesis that was not fitted, what a look promises of it.
     """
 
-    problem: InitVar[AnyProblem]
+    problem: InitVar[P]
     form: InitVar[tuple[Nuisance, ...]]
     candidates: tuple[Effect, ...]
     tell: Say = lambda text: None
@@ -238,14 +217,14 @@ class Search:
     budget: Budget = NORMAL
     say: Say = lambda text: None
 
-    fits: Fits = field(init=False)
+    fits: Fits[P] = field(init=False)
     places: tuple[Place, ...] = field(init=False)
     elsewhere: list[Hypothesis] = field(default_factory=list, init=False)
-    promised: dict[frozenset[str], Promise] = field(default_factory=dict, init=False)
+    promised: dict[frozenset[str], Promised] = field(default_factory=dict, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
 
     def __post_init__(
-        self, problem: AnyProblem, form: tuple[Nuisance, ...], ranking: Ranking, beforehand: float
+        self, problem: P, form: tuple[Nuisance, ...], ranking: Ranking, beforehand: float
     ) -> None:
         odds = Odds.of(self.candidates, problem.reduced.model, beforehand)
         self.fits = Fits(problem, form, odds, ranking, self.budget)
@@ -304,15 +283,8 @@ class Search:
             yield best
 
     def promises(self) -> list[Promised]:
-        """Return what was not fitted, as probable as a look at small changes promises."""
-        return [
-            Promised(
-                (*self.known[p.base].effects, *p.proposal.effects),
-                self.known[p.base].score + p.proposal.worth,
-            )
-            for key, p in self.promised.items()
-            if key not in self.known
-        ]
+        """Return what was not fitted, as probable as its forecast makes it."""
+        return [p for key, p in self.promised.items() if key not in self.known]
 
     def settled(self, h: Hypothesis) -> bool:
         """Whether a hypothesis has found what was missing: otherwise its uncertain parameters may be bent."""
@@ -332,10 +304,11 @@ class Search:
         Those that are simplified to one in ``visited`` stay as they are.
         """
         free, kept, far = self.fits.free(base), values_of(base.effects), self.fits.is_far(base)
-        damped = None
-        if far and isinstance(free, FitProblem):
+        damped, frfs = None, free.damped_frfs() if far else None
+        if frfs is not None:
             # What is bent is near the data, and no measure of how far the model is from them.
-            damped = Damped(free, straight(free, base.fitted) if self.fits.is_bent(base) else base.fitted)
+            bent = self.fits.is_bent(base)
+            damped = Damped(frfs, frfs.problem.far_start(base.fitted) if bent else base.fitted)
         looked = damped.for_look() if damped else None
         now = self.fits.quickly(free, base, base.effects, kept).score
         if damped and looked:
@@ -371,7 +344,7 @@ class Search:
         kept, now = values_of(base.effects), base.fitted
         if not base.effects:
             self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
-            now = straight(damped.problem, now)
+            now = damped.problem.far_start(now)
         compatible = self.compatible_with(base.effects)
         springs = self.springs(key_of(compatible))
         blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
@@ -398,7 +371,7 @@ class Search:
                 out[p.parent] = out.get(p.parent, ()) + springs
         return out
 
-    def from_near(self, base: Hypothesis, free: AnyProblem, now: float) -> list[Hypothesis]:
+    def from_near(self, base: Hypothesis, free: P, now: float) -> list[Hypothesis]:
         """Return candidates that a look at small changes asks for, fitted on few lines.
 
         ``now`` is the score of the base on these lines.
@@ -409,9 +382,7 @@ class Search:
         kept = values_of(base.effects)
         proposals = sorted(self.proposals(base, quick), key=lambda p: -p.worth)
         # Fits that begin where uncertain parameters stand for what is missing stay there.
-        near = None
-        if isinstance(free, FitProblem) and self.fits.is_far(base):
-            near = straight(free, base.fitted)
+        near = free.far_start(base.fitted) if self.fits.is_far(base) else None
         settled = self.settled(base)
         # Beside what explains the data all is nearly linear: fits reach what the looks promise.
         behind = TWIN_NATS if settled else 2 * TWIN_NATS
@@ -432,13 +403,11 @@ class Search:
             fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted)
             short += [(f, p.is_first) for f, p in zip(fitted, these, strict=True) if f]
             best = max([best, *(fits[0].score for fits, _ in short)])
-        if settled and isinstance(free, FitProblem):
-            # A short fit says more than the look: what it did not reach is no promise any more.
-            fitted_worth = {fits[0].key: fits[0].score - now for fits, _ in short}
-            for p in proposals:
-                key = key_of((*base.effects, *p.effects))
-                worth = fitted_worth[key] if key in fitted_worth else self._likely_worth(base, p)
-                self.promised[key] = Promise(base.key, replace(p, worth=worth))
+        if settled and self.fits.ranking.precise_looks:
+            # A short fit says more than the forecast: what it did not reach is no promise any more.
+            for fits, _ in short:
+                key = fits[0].key
+                self.promised[key] = Promised(fits[0].effects, base.score + fits[0].score - now)
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
         promising = [
@@ -448,19 +417,6 @@ class Search:
             and (k == 0 or not settled or fits[0].score > best - behind)
         ]
         return self.workers.map(_continued, (self.fits, free, base), promising)
-
-    def _likely_worth(self, base: Hypothesis, proposal: NextHypotheses) -> float:
-        """Return by how much a fit would raise the score: the promise less what its free sizes cost."""
-        new, problem = proposal.effects, self.fits.problem
-        gain = (proposal.worth + self.fits.odds.against(base.effects, new)) / len(new)
-        n_deviations = float(np.sqrt(2 * max(gain, 0.5)))
-        occam = 0.0
-        for e in new:
-            positions = [p.name for p in e.parameters() if p.position]
-            grid = e.starts(problem.surroundings)
-            places = {tuple(point.get(name) for name in positions) for point in grid}
-            occam += min(0.0, log_occam_factor(problem, e, n_deviations, len(places)))
-        return proposal.worth + occam
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
         """Return a hypothesis without the effects whose absence raises its score, one after the other."""
@@ -541,7 +497,7 @@ class Search:
         drawn, and the best are fitted with all of it free.
         """
         free = self.fits.free(h)
-        if not self.budget.checked or not isinstance(free, FitProblem):
+        if not (self.budget.checked and self.fits.ranking.precise_looks):
             return h
         kept, wanted = values_of(h.effects), []
         for d in departures(free, h.fitted)[: self.budget.n_departures]:
@@ -563,12 +519,12 @@ class Search:
 
     # proposals ----------------------------------------------------------------------------------------------
 
-    def proposals(self, base: Hypothesis, quick: AnyProblem) -> list[NextHypotheses]:
+    def proposals(self, base: Hypothesis, quick: P) -> list[NextHypotheses]:
         """Return effects that may be added."""
         current, far = base.fitted, self.fits.is_far(base)
         ranked: tuple[Scanned, ...] = ()
         # Near FRFs what small changes gain says enough of where to look.
-        if far or not (base.effects or self.settled(base)) or not isinstance(quick, FitProblem):
+        if far or not (base.effects or self.settled(base)) or not self.fits.ranking.precise_looks:
             ranked = self.fits.ranking.scan(self.fits.problem, current, self.places)
             self.say("scan: " + "; ".join(f"{s.name} {s.residual_ratio:.3f}" for s in ranked[:6]))
         if not base.effects:
@@ -590,6 +546,10 @@ class Search:
         )
         if settled:
             screened.sort(key=lambda s: against(s.effect) - s.gain)
+            for s in screened:
+                new = (*base.effects, s.effect)
+                worth = s.log_evidence - against(s.effect)
+                self.promised[key_of(new)] = Promised(new, base.score + worth)
         # Where something is missing parameters may be bent, nothing is linear, and all may win.
         likely = [s for s in screened if not settled or s.gain > against(s.effect)]
         chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]
@@ -598,9 +558,6 @@ class Search:
             chosen += [s for s in best.values() if s not in chosen]
         looked = [s for s in screened if s.starts and s not in chosen]
         chosen += looked[: max(0, self.budget.n_final - len(chosen))]
-        if settled:  # those that deserve no look have a share of the probability, too
-            rest = (s for s in screened if s not in chosen)
-            chosen += islice(rest, max(0, self.budget.n_short * self.fits.ranking.breadth - len(chosen)))
         first = names_at[0] if names_at else set[str]()
         out = [
             NextHypotheses((s.effect,), s.starts, s.gain - against(s.effect), s.effect.name in first)
@@ -627,7 +584,7 @@ class Search:
     def blocks(
         self,
         base: Hypothesis,
-        quick: AnyProblem,
+        quick: P,
         now: FitResult,
         ranked: Sequence[Scanned],
         names: Set[str],
@@ -705,7 +662,7 @@ class Search:
     # fits ---------------------------------------------------------------------------------------------------
 
     def on_few_lines(
-        self, quick: AnyProblem, h: Hypothesis, others: Sequence[tuple[Sequence[Effect], Values]]
+        self, quick: P, h: Hypothesis, others: Sequence[tuple[Sequence[Effect], Values]]
     ) -> tuple[Hypothesis, list[Hypothesis]]:
         """Return a hypothesis fitted on few lines and others fitted so from near it.
 
@@ -772,7 +729,7 @@ class Search:
         before = self.fits
         for n_lines in BASIS_LINES:
             problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
-            better = better_basis(problem, h.fitted, n_lines)
+            better = problem.better_basis(h.fitted, n_lines)
             if better is None:
                 break
             error, reduced = better
@@ -793,10 +750,10 @@ class Search:
         If it is not that of the search, the search continues with it, and so do those that are nearly as
         probable.
         """
-        problem = self.fits.problem
-        if not isinstance(problem, FitProblem):
+        other = self.fits.problem.with_other_damping()
+        if other is None:
             return h
-        fits = replace(self.fits, problem=replace(problem, viscous=not problem.viscous))
+        fits = replace(self.fits, problem=other)
         better = fits.again(h)
         if better.score <= h.score:
             return h

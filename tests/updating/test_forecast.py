@@ -1,0 +1,117 @@
+"""Forecasts of what effects would do to the data of a fit, against fits with these effects."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from benchmarks.hidden.cases import make_case
+from fem import parameter_values
+from updating import assessed_fit, build_problem, propose
+from updating.forecast import Forecast, Grid, Little, Look, Sizes
+from updating.inference import FULL_LINES
+from updating.inference.fitting import fit
+from updating.plan.planned import as_planned
+
+
+@pytest.fixture(scope="module")
+def prepared():
+    case = make_case(0)  # a member is heavier
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    return problem, assessed_fit(problem), propose(case.model, test=case.measurement)
+
+
+def hiding(problem, effect):
+    """Return a problem whose data have an effect."""
+    on_it = replace(problem, reduced=problem.reduced.with_forces_of([effect]))
+    nominal = problem.nominal()
+    values = {**nominal.values, **{(effect.name, k): v for k, v in parameter_values(effect).items()}}
+    H = on_it.receptance(replace(nominal, effects=(effect,), values=values))
+    return replace(problem, data=replace(problem.data, H=H))
+
+
+def log_posterior(problem, fitted):
+    """Return the log likelihood of a fit with the prior of uncertain parameters and damping."""
+    values = [parameter_values(e) for e in fitted.effects]
+    prior = problem.function(fitted.effects, values, problem.lines_up_to(np.inf, FULL_LINES)).prior()
+    known = np.isfinite(prior.std)
+    off = (fitted.solution.x - prior.mean)[known] / prior.std[known]
+    return fitted.log_likelihood - 0.5 * float(off @ off)
+
+
+@pytest.mark.parametrize("kind", ["point_mass", "member_density", "member_stiffness", "crack"])
+def test_effect_of_five_standard_deviations_gains_what_its_forecast_says(prepared, kind):
+    """Of a planned test; the fits are to data with the effect, with all that is uncertain free."""
+    problem, _, candidates = prepared
+    planned = as_planned(problem, problem.nominal())
+    effect = next(e for e in candidates if e.kind == kind)
+    first = effect.parameters()[0].name
+    forecast = Forecast.at(planned, planned.nominal(), [effect], besides=0.0)
+    i = len(forecast.owner) // 2
+    there = forecast.effect_at(i, 5.0 / forecast.precision[i])
+    known = hiding(planned, there)
+    without = fit(known, n_lines=FULL_LINES, tolerance=1e-6)
+    right = fit(
+        known, [effect], [parameter_values(there)], x_from=without, n_lines=FULL_LINES, tolerance=1e-6
+    )
+    gain = log_posterior(known, right) - log_posterior(known, without)
+    assert gain == pytest.approx(0.5 * 5.0**2, rel=0.15)
+    if kind == "point_mass":  # beside the data the same, of the place that is its own
+        after = Forecast.at(known, without, [effect])
+        slight = after.littles[0].points[i][first]
+        std = slight / after.precision[i]
+        assert std == pytest.approx(right.std[effect.name, first], rel=0.2)
+        assert slight * after.factor[i] == pytest.approx(right.values[effect.name, first], abs=0.2 * std)
+        assert after.gains[i] == pytest.approx(gain, rel=0.1)
+
+
+def test_effects_that_release_nothing_are_forecast_as_if_they_were_projected(prepared):
+    problem, null, candidates = prepared
+    look = Look.of(problem, null, 20, 0, 2_000)
+    some = [e for e in candidates if e.kind in {"point_mass", "member_stiffness", "ground_spring"}]
+    forecast = Forecast.of(look, [Grid.of(problem, e) for e in some], changes=True)
+    trust = np.sqrt(look.weights)
+    for k, effect in enumerate(some):
+        there = look.little(Grid.of(problem, effect)).change
+        one, two = (trust * look.adapted(c) for c in (there, forecast.changes[forecast.owner == k]))
+        size = np.linalg.norm(one, axis=1)
+        alike = np.abs((one.conj() * two).sum(axis=1)) / (size * np.linalg.norm(two, axis=1))
+        assert alike[size > 0.1 * size.max()].min() > 0.9, effect.name
+
+
+def test_what_the_data_do_not_see_keeps_its_prior(prepared):
+    problem, null, candidates = prepared
+    forecast = Forecast.at(problem, null, candidates)
+    unseen = ~np.isfinite(forecast.best_gains)
+    assert forecast.log_evidence[unseen] == pytest.approx(0.0, abs=1e-9)
+    # a larger likelihood at one size is no larger average over all
+    assert (forecast.log_evidence <= np.maximum(forecast.best_gains, 0.0) + 1e-9).all()
+
+
+def test_log_share_of_sizes_is_the_integral_over_the_prior(prepared):
+    """Of sizes between two of any order of magnitude, density 1 / (x ln(most / least))."""
+    problem, _, candidates = prepared
+    mass = next(e for e in candidates if e.kind == "point_mass")
+    little = Little.of(Grid.of(problem, mass), {})
+    sizes = Sizes.of(problem, little)
+    least, most = sizes.prior.least, sizes.prior.least * np.exp(sizes.prior.range)
+    best = np.sqrt(least * most)
+    std = best / 8
+    unit = sizes.x(0, 1.0)
+    integral, _ = quad(
+        lambda x: np.exp(-0.5 * ((x - best) / std) ** 2) / (x * sizes.prior.range), least, most
+    )
+    assert sizes.log_share(0, best / unit, std / unit) == pytest.approx(np.log(integral), abs=0.05)
+    # of sizes that all are as likely nothing is lost
+    assert sizes.log_share(0, best / unit, 100 * most / unit) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_explained_shares_lie_between_nothing_and_all(prepared):
+    problem, null, candidates = prepared
+    forecast = Forecast.at(problem, null, candidates)
+    shares = forecast.best_shares
+    assert (shares >= 0).all()
+    assert (shares <= 1).all()
+    heavier = max(range(len(candidates)), key=lambda k: shares[k])
+    assert candidates[heavier].where == make_case(0).hidden.where

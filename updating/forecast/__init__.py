@@ -1,0 +1,15 @@
+"""What each candidate effect, of any size, would do to the data of a fit beyond all that may vary."""
+
+from typing import TYPE_CHECKING
+
+from fem.lazy import names_on_use
+
+if TYPE_CHECKING:
+    from updating.forecast.forecast import Forecast
+    from updating.forecast.grid import Grid, Little
+    from updating.forecast.look import Look, candidate_terms, level
+    from updating.forecast.sizes import Sizes
+else:
+    __getattr__, __dir__ = names_on_use(__name__)
+
+__all__ = ["Forecast", "Grid", "Little", "Look", "Sizes", "candidate_terms", "level"]

@@ -1,0 +1,151 @@
+"""Candidates on grids of their parameter values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, Parameter, ParameterRef
+from fem.reduction.reduced_model import ReducedModel
+
+WEAKER = 0.1
+"""A little of a candidate is this share of the weakest of its points [-]."""
+
+
+@dataclass(eq=False)
+class Grid:
+    """A candidate on a grid of its parameter values, projected when it is needed.
+
+    Attributes
+    ----------
+    effect : Effect
+    points : tuple of dict
+        Parameter values.
+    """
+
+    effect: Effect
+    points: tuple[dict[str, float], ...]
+    # The terms of all points, on the last reduced model that they were asked for.
+    _terms: tuple = field(default=(), init=False, repr=False)
+    _reduced: ReducedModel | None = field(default=None, init=False, repr=False)
+
+    @classmethod
+    def of(cls, problem: Any, effect: Effect) -> "Grid":
+        """Return the grid that the effect asks for."""
+        return cls(effect, tuple(effect.starts(problem.surroundings)))
+
+    def slight_points(self, absent: float | None = None) -> tuple[tuple[dict[str, float], float], ...]:
+        """Return points of near absence, one for each choice of all but the first parameter.
+
+        They show what a little of it does. With each stands by how much it can be multiplied before it is
+        beyond the strongest point. ``absent`` is the first parameter's value there, if not its own.
+        """
+        first = self.effect.parameters()[0].name
+        alike: dict[tuple, list[dict[str, float]]] = {}
+        for point in self.points:
+            alike.setdefault(tuple(v for name, v in point.items() if name != first), []).append(point)
+        slight = []
+        for points in alike.values():
+            p = self.first_parameter(points[0], absent)
+            strength = np.abs([distance(p, point[first]) for point in points])
+            strength[strength <= 1e-9 * strength.max()] = np.inf  # the model's own value is no weak effect
+            weakest, most = int(np.argmin(strength)), float(strength[np.isfinite(strength)].max(initial=0.0))
+            slight.append((_scaled(p, points[weakest], WEAKER), most / strength[weakest] / WEAKER))
+        return tuple(slight)
+
+    def terms(self, problem: Any) -> tuple:
+        """Return what the effect adds to the reduced matrices at each point (computed once)."""
+        if self._reduced is not problem.reduced:
+            self._reduced = problem.reduced
+            effects = (self.effect.with_values(**p) for p in self.points)
+            self._terms = tuple(map(problem.reduced.value_of, effects))
+        return self._terms
+
+    def first_parameter(self, point: dict[str, float], absent: float | None = None) -> Parameter:
+        """Return the first parameter at a point, with the value at which the effect is absent."""
+        p = self.effect.with_values(**point).parameters()[0]
+        return p if absent is None else replace(p, absent=absent)
+
+    def scaled(self, point: dict[str, float], factor: float, absent: float | None = None) -> dict[str, float]:
+        """Return a point with its first parameter at a multiple of the distance from where it is absent.
+
+        Of a stiffness that is infinite where it is absent, the flexibility is scaled. The result lies within
+        the parameter's bounds.
+        """
+        return _scaled(self.first_parameter(point, absent), point, factor)
+
+    def one_sided(self) -> bool:
+        """Whether the first parameter can lie on one side only of where it is absent."""
+        p = self.effect.parameters()[0]
+        return bool(np.isinf(p.absent) or p.lower >= p.absent or p.upper <= p.absent)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Little:
+    """A little of a candidate at each of its places.
+
+    Attributes
+    ----------
+    grid : Grid
+    points : tuple of dict
+        Parameter values.
+    absent : float or None
+        The first parameter's value where the candidate is absent, if not its own.
+    most : ndarray (n_points,)
+        Multiples up to which it stays on its grid.
+    """
+
+    grid: Grid
+    points: tuple[dict[str, float], ...]
+    absent: float | None
+    most: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, grid: Grid, values: Mapping[ParameterRef, float], n_places: int = 0) -> "Little":
+        """Return a little of a candidate beside parameters of a model.
+
+        An effect that replaces an uncertain parameter does nothing at that parameter's value. Of more than
+        ``n_places`` places, unless that is 0, evenly spaced ones count.
+        """
+        absent = next((float(values[ref]) for ref in grid.effect.replaces() if ref in values), None)
+        slight = grid.slight_points(absent)
+        step = max(1, -(-len(slight) // n_places)) if n_places else 1
+        slight = slight[(step - 1) // 2 :: step]
+        return cls(grid, tuple(point for point, _ in slight), absent, np.array([most for _, most in slight]))
+
+    def values(self, k: int, factor: float) -> dict[str, float]:
+        """Return the parameter values at a multiple of the k-th place's little."""
+        return self.grid.scaled(self.points[k], factor, self.absent)
+
+    def reaches(self, k: int, factor: float) -> bool:
+        """Whether the first parameter can have that multiple within its bounds."""
+        first = self.grid.effect.parameters()[0].name
+        p = self.grid.first_parameter(self.points[k], self.absent)
+        there = distance(p, self.values(k, factor)[first]) / distance(p, self.points[k][first])
+        return bool(abs(there) >= (1 - 1e-6) * abs(factor))
+
+    def side(self, k: int, factor: float) -> float:
+        """Return a multiple, or its negative where only that lies within the bounds; NaN for neither."""
+        both = (factor,) if self.grid.one_sided() else (factor, -factor)
+        return next((f for f in both if np.isfinite(f) and self.reaches(k, f)), np.nan)
+
+
+def _scaled(p: Parameter, point: dict[str, float], factor: float) -> dict[str, float]:
+    """Return what :meth:`Grid.scaled` does, with the first parameter."""
+    if np.isinf(p.absent):
+        value = point[p.name] / max(factor, 1e-12)
+    elif p.log and p.absent > 0:
+        # far beyond any bound it would overflow
+        value = p.absent * np.exp(np.clip(factor * np.log(point[p.name] / p.absent), -300.0, 300.0))
+    else:
+        value = p.absent + factor * (point[p.name] - p.absent)
+    return {**point, p.name: float(min(max(value, p.lower), p.upper))}
+
+
+def distance(p: Parameter, value: float) -> float:
+    """Return how far a value of a parameter is from where the effect is absent, with its sign."""
+    if np.isinf(p.absent):
+        return 1 / value
+    return float(np.log(value / p.absent)) if p.log and p.absent > 0 else value - p.absent

@@ -1,0 +1,58 @@
+"""How probable the sizes of a candidate are before any data, and the evidence that follows from that."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fem.model import ParameterRef
+from updating.forecast.grid import Little
+from updating.inference.effect_priors import EffectPrior, prior_of
+from updating.inference.unknowns import ScaledUnknown, effect_unknowns
+
+LEAST_MASS = 1e-300
+"""Prior probabilities below this count as this: their logarithm stays finite [-]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sizes:
+    """The prior of a candidate's size, on the multiples of what a little of it is.
+
+    Attributes
+    ----------
+    little : Little
+    unknown : ScaledUnknown
+        The candidate's first parameter.
+    prior : EffectPrior
+    """
+
+    little: Little
+    unknown: ScaledUnknown
+    prior: EffectPrior
+
+    @classmethod
+    def of(cls, problem: Any, little: Little) -> "Sizes":
+        """Return the prior of the sizes that a problem's structure makes plausible."""
+        effect = little.grid.effect
+        unknown = effect_unknowns((effect,), (little.grid.points[0],))[0]
+        return cls(little, unknown, prior_of(problem, effect, unknown))
+
+    @property
+    def ref(self) -> ParameterRef:
+        """The first parameter."""
+        return self.unknown.ref
+
+    def log_share(self, k: int, factor: float, std: float) -> float:
+        """Return ln of the share of the sizes that are as likely as the best, of a normal likelihood.
+
+        At the k-th place the likelihood has its maximum at a multiple ``factor`` and the deviation ``std``.
+        Its integral over its height is √(2π) deviations, but no more than all sizes that there are
+        (MacKay, *Information Theory, Inference, and Learning Algorithms*, 2003, ch. 28).
+        """
+        half = np.sqrt(np.pi / 2) * std
+        low, high = (self.x(k, factor + sign * half) for sign in (-1, 1))
+        return float(np.log(max(self.prior.mass(low, high), LEAST_MASS)))
+
+    def x(self, k: int, factor: float) -> float:
+        """Return the unknown at a multiple of the k-th place's little."""
+        return self.unknown.to_x(self.little.values(k, factor)[self.ref[1]])

@@ -1,0 +1,193 @@
+"""Weighted residuals of measured FRFs as a function of the unknowns of a fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.reduction.deviations import Deviations
+from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.set_ups import SetUpsFRF
+from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.inference.belief import DISCREPANCY_MAX
+from updating.inference.fit_data import noise_squares
+from updating.inference.fit_function import Errors, FitFunction
+from updating.inference.fit_result import FitResult
+from updating.inference.frf_inputs import FrfInputs
+from updating.inference.heartbeat import beat
+from updating.inference.solve import Solution
+from updating.inference.unknowns import by_unknowns, values_at
+from updating.least_squares.costs import Costs
+
+
+@dataclass(eq=False)
+class FrfFunction(FitFunction[FrfInputs]):
+    """Weighted ln(computed / measured) of FRFs at some lines, as a function of all that varies."""
+
+    # The end of a fit is asked for again.
+    _end: tuple[bytes, NDArray[np.complex128], NDArray[np.complex128]] | None = field(
+        default=None, init=False, repr=False
+    )
+
+    @property
+    def keep(self) -> NDArray[np.bool_]:
+        """Which values count, (n_lines, n_out, n_in)."""
+        return self.problem.data.mask[self.lines]
+
+    # The engine is made at the first evaluation: many functions are made for their bounds and priors alone.
+
+    @cached_property
+    def _engine(self) -> ParametricFRF | SetUpsFRF:
+        frequency, refs = self.problem.data.frequency[self.lines], self.refs
+        none = np.zeros((self.problem.reduced.model.n_dof, 0))
+        deviations = Deviations(none, none) if self.scatter is None else self.scatter.deviations
+        if self.scatter is not None and self.scatter.channels is not None:
+            n_out = len(self.problem.data.measurement.sensors)
+            outputs, inputs = self.scatter.channels.changes(self.problem.misread, n_out)
+            deviations = replace(deviations, outputs=outputs, inputs=inputs)
+        engine = self.problem.engine(frequency, refs, self.effects, deviations=deviations)
+        return self.problem.in_set_ups(engine)
+
+    @cached_property
+    def _damping(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Hat functions and offset of the damping curve at the lines."""
+        curve, frequency = self.problem.damping, self.problem.data.frequency[self.lines]
+        return curve.hats(frequency), curve.offset(frequency)
+
+    @cached_property
+    def _measured(self) -> NDArray[np.complex128]:
+        """Measured receptances at the lines, 1 where they do not count, so that their logarithm exists."""
+        measured = self.problem.data.H[self.lines]
+        return np.where(self.keep & (measured != 0), measured, 1.0)
+
+    def __call__(
+        self, x: NDArray[np.float64], gradient: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
+        at = x.tobytes()
+        if self._end is not None and self._end[0] == at:
+            return self._end[1:]
+        r, J = self._evaluated(x, gradient)
+        if J is not None:
+            self._end = at, r, J
+        return r, J
+
+    def _evaluated(
+        self, x: NDArray[np.float64], gradient: bool
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        beat()
+        keep, weight = self.keep, self.problem.data.weight[self.lines]
+        (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
+        values = values_at(self.variables, x[parameters])
+        zeta, std = np.exp(hats @ x[damping] + offset), self._scatter_std
+        H, dH, dH_dzeta = self._engine.evaluate(np.append(values, std * x[scatter]), zeta, gradient)
+        r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
+        r = self.problem.data.seen(r)
+        if not gradient or dH is None or dH_dzeta is None:
+            return r, None
+        per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)[keep]
+        n = len(values)
+        J = np.empty((len(x), r.size), dtype=complex)
+        J[parameters] = by_unknowns(self.variables, x[parameters], dH[:n][:, keep])
+        J[damping] = by_damping(zeta, hats, dH_dzeta)[:, keep]
+        J[scatter] = dH[n:][:, keep] * std[:, None]
+        J *= per
+        return r, self.problem.data.seen(J)
+
+    def receptance(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the receptances at the lines as the sensors read them, (n_lines, n_out, n_in)."""
+        (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
+        at = np.append(values_at(self.variables, x[parameters]), self._scatter_std * x[scatter])
+        H, _, _ = self._engine.evaluate(at, np.exp(hats @ x[damping] + offset), gradient=False)
+        return H
+
+    def anchor(self, x: NDArray[np.float64]) -> None:
+        """Prepare :meth:`receptance` for many x that differ from this one in few variables."""
+        own, _, scatter = self._parts
+        self._engine.anchor(np.append(values_at(self.variables, x[own]), self._scatter_std * x[scatter]))
+
+    @property
+    def groups(self) -> NDArray[np.int64]:
+        """Band of each residual, each with its own level of error, (m,)."""
+        return np.broadcast_to(self.problem.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep]
+
+    @property
+    def of_modes(self) -> NDArray[np.bool_]:
+        """Which groups are those of modes, (n_groups,): none."""
+        return np.zeros(len(np.unique(self.groups)), dtype=bool)
+
+    def noise(self) -> NDArray[np.float64]:
+        """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
+        return self.mean_by_group(noise_squares(self.problem.data, self.lines))
+
+    def allowed_squares(self) -> NDArray[np.float64]:
+        """Return the mean squares that a right model may leave beyond noise, of each group."""
+        problem = self.problem
+        square = (DISCREPANCY_MAX * problem.model_error) ** 2 + problem.mesh_level**2
+        return np.full(len(np.unique(self.groups)), square)
+
+    def errors(self, x: NDArray[np.float64]) -> Errors:
+        """Return how far computed FRFs are from the measured ones."""
+        # A model has no such deviations, but channels have.
+        n = len(x) - (0 if self.scatter is None else self.scatter.n_channels)
+        rows = np.arange(len(x))
+        x = np.where((rows < self._parts[2].start) | (rows >= n), x, 0.0)
+        r, weight = self(x, False)[0], self.problem.data.weight[self.lines][self.keep]
+        known = weight > 0
+        return Errors(frf_db=float(np.sqrt(((r.real[known] / weight[known]) ** 2).mean()) * DB_PER_NEPER))
+
+    def levels(self, stage: float = np.inf, counted_as: int = 0) -> Costs:
+        """Return how probable error levels are: noise, and in addition the error of beams and of the mesh.
+
+        Parameters
+        ----------
+        stage : float
+            The lines reach up to this frequency [Hz].
+        counted_as : int
+            Number of lines of the full band that they represent, at most all; their own number unless given.
+        """
+        problem = self.problem
+        sizes = np.unique(self.groups, return_counts=True)[1].astype(float)
+        if counted_as:
+            sizes *= len(problem.lines_up_to(stage, counted_as)) / len(self.lines)
+        return problem.likelihood(problem.n_independent(stage) * sizes / sizes.sum(), sizes, self.noise())
+
+    def words_of(self, stage: float) -> str:
+        """Return up to which frequency the fit goes."""
+        return f"to {self.problem.data.frequency[self.lines[-1]]:.4g} Hz"
+
+    def result(self, solution: Solution) -> FitResult:
+        """Return a solution as values, with the errors of the channels; errors are not assessed."""
+        out = super().result(solution)
+        if self.scatter is None or self.scatter.channels is None:
+            return out
+        known, n = self.scatter.channels, len(solution.x) - self.scatter.n_channels
+        n_ends, covariance = self.problem.misread.shape[1], out.solution.covariance
+        return replace(
+            out,
+            channels=known.errors(solution.x[n:], n_ends),
+            channels_std=known.deviations(covariance[n:, n:], n_ends),
+        )
+
+
+def by_damping(
+    zeta: NDArray[np.float64], hats: NDArray[np.float64], by_zeta: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return derivatives by the logarithms of a damping curve's unknowns from those by ζ at each line.
+
+    Parameters
+    ----------
+    zeta : ndarray (n_freq,) or (2, n_freq)
+        As of :meth:`updating.inference.parameters.DampingCurve.ratio` [-].
+    hats : ndarray (n_freq, n_unknowns) or (2, n_freq, n_unknowns)
+    by_zeta : ndarray (n_freq, n_out, n_in) or (2, n_freq, n_out, n_in)
+
+    Returns
+    -------
+    ndarray (n_unknowns, n_freq, n_out, n_in)
+    """
+    weight = np.moveaxis(zeta[..., None] * hats, -1, 0)[..., None, None]
+    return weight * by_zeta if zeta.ndim == 1 else weight[:, 0] * by_zeta[0] + weight[:, 1] * by_zeta[1]

@@ -1,0 +1,157 @@
+"""What the fits and the search ask of any kind of data."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect
+from fem.reduction.reduced_model import ReducedModel
+from updating.inference.damped import DampedFrfs
+from updating.inference.defaults import BASIS_LINES
+from updating.inference.fit_function import FitFunction
+from updating.inference.fit_inputs import D, FitInputs, Floats
+from updating.inference.fit_result import FitResult
+from updating.inference.form_scatter import FormScatter
+from updating.inference.mode_targets import ComputedModes, ModeTargets
+from updating.measurement.measurement import Measurement
+
+
+class Problem(FitInputs[D]):
+    """A fit to one kind of data."""
+
+    __slots__ = ()
+
+    # what each kind of data has -----------------------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def measured_words(self) -> str:
+        """The kind of data, in the singular."""
+
+    @property
+    @abstractmethod
+    def stages(self) -> Floats:
+        """Stages of a fit from far away, (n,); the last is the whole of the data."""
+
+    @abstractmethod
+    def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
+        """Return at most ``n_lines`` lines up to a frequency [Hz], or all modes; none is held out."""
+
+    @abstractmethod
+    def function(
+        self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
+    ) -> FitFunction[Any]:
+        """Return the residuals at some lines, or of some modes, as a function of all that varies.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+            Candidates to add to the model.
+        starts : sequence of dict
+            For each of them the parameter values to start from.
+        lines : ndarray of int
+        """
+
+    @abstractmethod
+    def residuals(
+        self,
+        effects: Sequence[Effect] = (),
+        starts: Sequence[dict[str, float]] = (),
+        stage: float | None = None,
+        n_lines: int | None = None,
+    ) -> FitFunction[Any]:
+        """Return all residuals of a stage of a fit as a function of all that varies.
+
+        Parameters
+        ----------
+        effects, starts
+            As of :meth:`function`.
+        stage : float, optional
+            One of ``stages``; the whole of the data unless given.
+        n_lines : int, optional
+            Largest number of lines; that of the problem unless given.
+        """
+
+    @abstractmethod
+    def better_basis(
+        self, result: FitResult, n_lines: int = BASIS_LINES[0]
+    ) -> tuple[float, ReducedModel] | None:
+        """Return the error of the reduced basis at a fitted model, and a better basis.
+
+        None where the error is small against the level that the data leave.
+        """
+
+    @abstractmethod
+    def resampled(self, result: FitResult, misfit: Mapping[str, float], rng: np.random.Generator) -> Self:
+        """Return the problem with data that a fitted model would have been measured to have.
+
+        Parameters
+        ----------
+        result : FitResult
+        misfit : mapping of str to float
+            Mean square residuals in units of the stated noise, of ``"modes"`` and ``"frf"``: above 1 they
+            scale the noise that is drawn [-].
+        rng : numpy.random.Generator
+        """
+
+    # what only some data have -------------------------------------------------------------------------------
+
+    @property
+    def measured_modes(self) -> ModeTargets | None:
+        """Measured modes that are fitted, alone or beside other data."""
+        return None
+
+    def computed_modes(self, result: FitResult) -> ComputedModes | None:
+        """Return the partners of the measured modes in a fitted model."""
+        return None
+
+    def small_deviations(
+        self, result: FitResult, size: float | None = None, share: float = 1.0
+    ) -> FormScatter | None:
+        """Return the small deviations that the form has besides its parameters, at a fitted model.
+
+        Parameters
+        ----------
+        result : FitResult
+        size : float, optional
+            Standard deviation of the shifts of eigenvalues; the middle of what it may be unless given [-].
+        share : float
+            Part of the deviations that the data still have [-].
+        """
+        return None
+
+    def damped_frfs(self) -> DampedFrfs[Any] | None:
+        """Return the data at complex frequencies, where fits converge from far away."""
+        return None
+
+    def with_other_damping(self) -> Self | None:
+        """Return the problem with the other form of damping between resonances."""
+        return None
+
+    def with_seen_noise(self, result: FitResult) -> Self:
+        """Return the problem with no more noise than the residuals of a fit show."""
+        return self
+
+    def test_of(self, result: FitResult) -> Measurement | None:
+        """Return the test with the form of damping and the errors of channels that a fit has found."""
+        return None
+
+    def strain(self, result: FitResult) -> float:
+        """Return the largest distance of uncertain parameters from nominal, in prior deviations [-].
+
+        A fit bends uncertain parameters to stand in for what the model lacks.
+        """
+        return 0.0
+
+    def far_start(self, result: FitResult) -> FitResult | None:
+        """Return where fits of further effects begin if a fit is far from the data; None for where it is."""
+        return None
+
+    def at_places_of(self, result: FitResult) -> Self | None:
+        """Return the problem on a basis for the places of a fit's effects; None if its own is as good."""
+        return None
