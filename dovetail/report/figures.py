@@ -1,10 +1,8 @@
 """The interactive figures of a report, and all its FRFs in few bytes."""
 
-import json
 import zlib
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
 from dovetail.report import planning, words
+from dovetail.report.drawings import Figures
 from dovetail.report.drawn import (
     WITH_EFFECT,
     compared_models,
@@ -64,37 +63,6 @@ MOST_MODES, MOST_MODE_VALUES = 40, 1_000_000
 """Modes that move in the report, and numbers of all their surfaces together."""
 
 Say = Callable[[str, float], None]
-
-
-@dataclass(slots=True)
-class Figures:
-    """The interactive figures of a report by name.
-
-    Attributes
-    ----------
-    known : dict of str to Figure
-    data : dict of str to mapping
-        Further data of a figure, by its name.
-    failures : list of str
-        Sentences about those that could not be made.
-    """
-
-    known: dict[str, Figure] = field(default_factory=dict)
-    data: dict[str, Mapping[str, Any]] = field(default_factory=dict)
-    failures: list[str] = field(default_factory=list)
-
-    def add(self, name: str, make: Callable[[], Figure | None]) -> None:
-        """Make a figure; one that cannot be made is left out and named."""
-        try:
-            figure = make()
-        except Exception as reason:
-            self.failures.append(
-                f"The figure {name} could not be made ({type(reason).__name__}: {reason}); "
-                "the report has its picture instead."
-            )
-            return
-        if figure is not None:
-            self.known[name] = figure
 
 
 def make_all(result: RunResult[Verdict], say: Say | None = None) -> Figures:
@@ -304,14 +272,3 @@ def _in_few_bytes(mode: Mapping[str, Any]) -> dict[str, Any]:
     """Return a mode whose surface moves in steps of a 32767th of its largest displacement."""
     step = max(float(np.abs(mode["surface"]).max()), 1e-300) / 32767
     return {**mode, "surface": np.round(mode["surface"] / step).astype(np.int16), "step": step}
-
-
-def as_json(value: Any) -> str:
-    """Return a figure or plain data as JSON that may stand between script tags."""
-    text = value.to_json() if isinstance(value, Figure) else json.dumps(value, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-
-
-def packed(value: Any) -> str:
-    """Return a figure or plain data as deflated JSON in base64."""
-    return b64encode(zlib.compress(as_json(value).encode(), 9)).decode("ascii")

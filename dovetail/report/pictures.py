@@ -1,14 +1,12 @@
 """The pictures of a run, as files; a picture that cannot be drawn is left out and named."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dovetail.report import words
-from dovetail.report.blocks import Picture
+from dovetail.report.drawings import Album
 from dovetail.report.drawn import (
     FRF_ERROR,
     compared_models,
@@ -34,57 +32,13 @@ from updating.diagnosis.fitted_modes import FittedModePair
 from updating.diagnosis.verdict import Verdict
 from viz import curves, heat_maps
 from viz.offscreen import NO_OPENGL, can_draw, why_not
-from viz.style import save
 
 N_MODES = 4
 """Mode shapes that are drawn."""
-DPI = 130
-"""Resolution of the curves [1/inch]."""
 MANY = 40
 """With more sensors than this, the heat map shows the worst of them only."""
 
 Say = Callable[[str, float], None]
-
-
-@dataclass(slots=True)
-class Album:
-    """The pictures of a report by name, and failures of drawing.
-
-    Attributes
-    ----------
-    folder : Path
-    pictures : dict of str to Picture
-    failures : list of str
-        Sentences.
-    """
-
-    folder: Path
-    pictures: dict[str, Picture] = field(default_factory=dict)
-    failures: list[str] = field(default_factory=list)
-
-    def __getitem__(self, name: str) -> Picture | None:
-        return self.pictures.get(name)
-
-    def add(
-        self, name: str, alt: str, caption: str, draw: Callable[[Path], Any], suffix: str = ".png"
-    ) -> None:
-        """Draw a picture into the folder."""
-        file = self.folder / f"{name}{suffix}"
-        try:
-            draw(file)
-        except Exception as reason:
-            file.unlink(missing_ok=True)
-            self.failures.append(
-                f"The picture {file.name} could not be drawn ({type(reason).__name__}: {reason})."
-            )
-            return
-        self.pictures[name] = Picture(file, alt, caption)
-
-    def plot(
-        self, name: str, alt: str, caption: str, plot: Callable[..., Any], *args: Any, **more: Any
-    ) -> None:
-        """Draw curves into the folder, the figure that ``plot`` returns for its arguments."""
-        self.add(name, alt, caption, lambda file: save(plot(*args, **more), file, DPI))
 
 
 def draw_all(result: RunResult[Verdict], folder: Path, say: Say) -> Album:

@@ -7,11 +7,11 @@ from typing import Any
 from dovetail.report.answer import answer, how_sure
 from dovetail.report.blocks import Report, ReportSection
 from dovetail.report.compared import check_first, compared, gates
-from dovetail.report.figures import Figures, make_all
+from dovetail.report.drawings import Album, Figures
+from dovetail.report.figures import make_all
 from dovetail.report.misfit import misfit
 from dovetail.report.missing import measure_next, missing, places, poor_baseline
 from dovetail.report.page import report_page
-from dovetail.report.pictures import Album
 from dovetail.report.responses import faults, frfs, modes, uncertain
 from dovetail.report.sections import rounds
 from dovetail.report.shown import Shown

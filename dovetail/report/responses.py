@@ -121,7 +121,7 @@ def uncertain(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     head = ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""]
     table = TableBlock(head, list(map(_parameter_row, result.uncertain)), numbers=(1, 2, 3, 4), at_most=25)
     text = f"Fitted {fitted} within their prior standard deviations.{text}"
-    return ReportSection("UncertainValue parameters", [Text(text), table])
+    return ReportSection("Uncertain parameters", [Text(text), table])
 
 
 def _parameter_row(u: UncertainValue) -> list[Line]:

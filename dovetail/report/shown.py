@@ -7,9 +7,8 @@ from pathlib import Path
 from plotly.offline import get_plotlyjs
 
 from dovetail.report.blocks import Plot
-from dovetail.report.figures import Figures, as_json, packed
+from dovetail.report.drawings import Album, Figures, as_json, packed
 from dovetail.report.page import Markup, join, script, tag
-from dovetail.report.pictures import Album
 from viz.interactive.theme import CONFIG, NIGHT
 
 LIVE = (Path(__file__).parent / "live.js").read_text(encoding="utf-8")

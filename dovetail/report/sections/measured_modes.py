@@ -15,8 +15,7 @@ from updating.diagnosis.reported_modes import ReportedModes
 from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:
-    from dovetail.report.figures import Figures
-    from dovetail.report.pictures import Album
+    from dovetail.report.drawings import Album, Figures
     from dovetail.report.shown import Shown
 
 DEVIATIONS = (
