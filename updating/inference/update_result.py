@@ -12,7 +12,6 @@ from updating.inference.determined import SEEN, SHARE, blind_words, taking_part
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import FitFunction
-from updating.inference.fit_inputs import FitInputs
 from updating.inference.fit_result import FitResult
 from updating.inference.fitted_damping import with_fitted_damping
 from updating.inference.joint_fit import OF_MODES, JointFunction, mode_problem_of
@@ -89,7 +88,7 @@ def _damping_rows(function: FitFunction) -> NDArray[np.int64]:
     return n + np.arange(0 if known else len(curve.knots))
 
 
-def _has_damping(problem: FitInputs | ModeProblem) -> bool:
+def _has_damping(problem: FitProblem | ModeProblem) -> bool:
     """Whether the data tell anything of damping."""
     if isinstance(problem, ModeProblem):
         return bool(np.isfinite(problem.targets.zeta[problem.targets.fitted]).any())
