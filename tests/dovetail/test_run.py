@@ -131,7 +131,8 @@ def test_what_is_not_ours_stays(study_file, tmp_path):
 
 @pytest.fixture
 def quick(monkeypatch, done):
-    """Let runs use the diagnosis that is there already."""
+    """Let runs use the diagnosis that is there already, and its places of the misfit."""
+    monkeypatch.setattr(run, "locate", lambda *_: done.localisation)
     monkeypatch.setattr(
         run, "diagnose_study", lambda study, say=None, processes=1, budget="normal": done.diagnosis
     )

@@ -26,7 +26,7 @@ from fem import (
     solve_static,
     sum_contributions,
 )
-from fem.effects import Prestress
+from fem.effects import AddedMass, Joint, Prestress
 from fem.elements.levers import lever_stiffness
 from fem.io import matrices_of
 from tests.frames import STEEL, beam, braced, fix, planar, portal
@@ -298,3 +298,16 @@ def test_shape_of_pure_twist_has_a_largest_rotation_of_one():
     found = solve_buckling(beam(1, 0.05, effects=held, section=STRIP), {(1, "x"): -1.0}, 1)
     turned = found.shapes.reshape(-1, 6)[:, 3:]
     assert abs(turned).max() == pytest.approx(1.0)
+
+
+def test_the_mass_of_a_joint_hangs_on_its_arm_like_any_other():
+    arm, m = np.array([0.0, 0.1, 0.05]), 2.0
+    frame = beam(3, effects=(fix(0, name="wall"),))
+    M = np.diag([m, m, m, 0, 0, 0])
+    joint = Joint(name="block", point1=3, location=frame.mesh.points[3] + arm, M=M)
+    K = []
+    for body in (AddedMass(name="block", point=3, mass=m, arm=arm), joint):
+        model = frame.with_effect(body)
+        state = prestressed(model, solve_static(assemble(model), LoadCase(gravity=(0, 0, -9.81))))
+        K.append(sum_contributions(state.effect("prestress").contribute(state), state.n_dof)[0].toarray())
+    assert abs(K[0] - K[1]).max() <= 1e-9 * abs(K[0]).max()

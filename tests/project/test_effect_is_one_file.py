@@ -10,6 +10,7 @@ import pytest
 from docs.make.effects import BLOCK, PAGES, TABLES, candidates, with_tables
 from fem import Entry
 from fem.effects import candidate_kinds, effect_classes
+from fem.model import Effect
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("fem", "updating", "joint", "viz", "dovetail")
@@ -209,3 +210,15 @@ def test_a_changed_row_shows_in_the_page(monkeypatch):
     text = (ROOT / "docs" / "result.md").read_text(encoding="utf-8")
     monkeypatch.setattr(effect_classes()["crack"], "entry", Entry("`compliance` [-]", "a slit", "anywhere"))
     assert "| `crack` | `compliance` [-] | a slit |" in with_tables(text)
+
+
+def test_what_an_effect_answers_is_listed_for_its_writer():
+    answers = {
+        name for name, x in vars(Effect).items() if callable(x) or isinstance(x, property | classmethod)
+    }
+    answers = {name for name in answers if not name.startswith("_")}
+    table = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("| to answer |")[2]
+    rows = table.partition("\n\n")[0].splitlines()[2:]
+    listed = [name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1])]
+    assert sorted(listed) == sorted(answers)
+    assert len(answers) <= 18
