@@ -121,7 +121,7 @@ class Plot:
     name, alt, caption : str
     stills : sequence of Picture
     packed, data : str
-        The figure and further data for its script, see `dovetail.report.figures.packed`; empty without one.
+        The figure and further data for its script, see `dovetail.report.drawings.packed`; empty without one.
     tools : str
         HTML of the controls above it.
     hint : str

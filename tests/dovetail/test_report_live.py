@@ -20,6 +20,7 @@ from dovetail.report import (
     TableBlock,
     blocks,
     compared_models,
+    drawings,
     figures,
     pair_errors,
     probable,
@@ -184,7 +185,7 @@ def test_measured_shapes_are_those_of_the_modes(found):
 
 
 def test_a_figure_that_cannot_be_made_is_named():
-    out = figures.Figures()
+    out = drawings.Figures()
     out.add("model", lambda: 1 / 0)
     assert out.known == {}
     assert "The figure model could not be made (ZeroDivisionError" in out.failures[0]
@@ -206,7 +207,7 @@ def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
 
 
 def test_names_cannot_end_a_script():
-    text = figures.as_json({"name": "</script><script>alert(1)</script>"})
+    text = drawings.as_json({"name": "</script><script>alert(1)</script>"})
     assert "<" not in text
     assert json.loads(text)["name"].startswith("</script>")
 
@@ -430,7 +431,7 @@ def test_without_scripts_and_on_paper_there_are_still_pictures(folder, chromium)
 
 
 def test_names_with_tags_stay_text_in_a_browser(chromium, tmp_path):
-    place = solids.Place(np.array([0.3, 0, 0]), "place", NASTY)
+    place = solids.MarkedPlace(np.array([0.3, 0, 0]), "place", NASTY)
     one = FRF.from_arrays(np.arange(1.0, 9), np.arange(1.0, 9), "mobility", [NASTY], ["f"])
     made = (
         model.model_figure(beam(2), places=[place]),
@@ -539,7 +540,7 @@ def test_a_page_without_an_outline_is_refused_with_what_to_do(folder, tmp_path, 
 
 
 def test_blocks_without_content_are_shown_nowhere():
-    empty = blocks.Section("Notes", [blocks.Items(()), blocks.Details("more", [blocks.Text("")]), None])
+    empty = blocks.ReportSection("Notes", [blocks.Items(()), blocks.Details("more", [blocks.Text("")]), None])
     report = blocks.Report("a", "nothing", [blocks.Text("first <b>", "kind")], [empty])
     text = report_page(report)
     assert "Notes" not in text
