@@ -182,8 +182,8 @@ def _within(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return each centre and point that are no farther apart than the centre's radius (n_centres,)."""
     if len(points) * len(centres) <= MOST_PAIRS:
-        of, near = np.nonzero(np.linalg.norm(centres[:, None] - points, axis=2) <= radius[:, None])
-        return of, near
+        pairs = np.argwhere(np.linalg.norm(centres[:, None] - points, axis=2) <= radius[:, None])
+        return pairs[:, 0], pairs[:, 1]
     found = scipy.spatial.cKDTree(points).query_ball_point(centres, radius)
     of = np.repeat(np.arange(len(centres)), [len(f) for f in found])
     return of, np.concatenate([np.asarray(f, dtype=np.int64) for f in found])

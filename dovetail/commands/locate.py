@@ -11,7 +11,7 @@ from dovetail.disk.output import Progress
 from dovetail.report.table import Column, Table
 
 EXAMPLE = "dovetail locate study.toml"
-SHARE = "share of the misfit that a small change would explain"
+SHARE = "share of the misfit that a change there would explain"
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:

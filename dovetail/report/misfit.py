@@ -9,14 +9,14 @@ from dovetail.result import FrfResult, least_frac
 
 
 def misfit(result: FrfResult, shown: Shown) -> ReportSection:
-    """Return the error by sensor and by band, and places where a small change would help."""
+    """Return the error by sensor and by band, and places where a change would help."""
     text = (
         "The model with fitted uncertain parameters, before any effect is added. A complete model is "
         "equally good everywhere; a missing effect shows near it, or in the modes that strain it."
     )
     what = "sensors coloured by their error"
     if result.localisation is not None and result.localisation.says_where:
-        what += "; members, joints and supports by the share of it that a small change would explain"
+        what += "; members, joints and supports by the share of it that a change there would explain"
     alt, caption = f"The structure, {what}.", f"{what.capitalize()}."
     after = [shown.album["misfit-final"], _map(shown, "final", "with the found effects")]
     blocks = [
@@ -48,7 +48,7 @@ def _shares(result: FrfResult) -> list[Block]:
     rows = [[words.place(name), f"{100 * s:.0f}"] for name, s in shares]
     table = TableBlock(["place", "share of the misfit [%]"], rows, numbers=(1,), at_most=8)
     shown = [table] if where.says_where else []
-    return [Heading("Where a small change would help"), *shown, Text(where.note)]
+    return [Heading("Where a change would help"), *shown, Text(where.note)]
 
 
 def _sensor_errors(result: FrfResult) -> TableBlock:

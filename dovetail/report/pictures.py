@@ -160,7 +160,7 @@ def _draw_misfit(result: FrfResult, album: Album) -> None:
         alt = f"The structure with its sensors coloured by their error, {what}."
         caption = f"Error of each sensor on the structure, {what}"
         if members:
-            caption += "; members, joints and supports by the share of it that a small change would explain"
+            caption += "; members, joints and supports by the share of it that a change there would explain"
         db = result.comparisons[step].by_sensor()
         known = np.isfinite(db)
         at = points[known], directions[known], db[known], names[known].tolist()

@@ -524,6 +524,4 @@ def _best_places(result: RunResult[Verdict], n: int = 3, least: float = 0.05) ->
         *((s, place(p)) for p, s in where.places),
     ]
     best = [f"{name} ({100 * s:.0f}\u00a0%)" for s, name in sorted(shares, reverse=True)[:n] if s >= least]
-    return (
-        [f"Shares of the misfit that a small change there would explain: {', '.join(best)}."] if best else []
-    )
+    return [f"Shares of the misfit that a change there would explain: {', '.join(best)}."] if best else []

@@ -94,7 +94,7 @@ def test_no_exported_class_prints_its_arrays(package):
 def test_texts_have_values_with_units(study, comparison, found):
     frf = study.frf()
     assert repr(frf) == (
-        "<FRF accelerance [(m/s²)/N]: 198 lines, 4 to 398 Hz; 4 outputs (P, K, T, A) × 2 inputs (T, K)>"
+        "<StudyFRF accelerance [(m/s²)/N]: 198 lines, 4 to 398 Hz; 4 outputs (P, K, T, A) × 2 inputs (T, K)>"
     )
     assert repr(study.error()).startswith(f"<Misfit {study.error().fit_db:.2f} dB on the lines of the fit")
     assert f"{comparison.total_db:.2f} dB on all lines" in repr(comparison)

@@ -226,9 +226,8 @@ def test_an_error_of_a_channel_beyond_tolerance_is_told_everywhere(found, album,
 
 
 def test_where_shares_say_nothing_the_report_has_no_table_of_them(found, album):
-    where = found.localisation
-    assert not where.says_where
-    page = report_html(found, album)
+    where = replace(found.localisation, members={}, places=(), note=NOWHERE)
+    page = report_html(replace(found, localisation=where), album)
     assert "share of the misfit [%]" not in page
     assert NOWHERE in page
     clear = replace(where, members={**where.members, "arm": 0.4})

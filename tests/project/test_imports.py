@@ -35,7 +35,7 @@ MAY_IMPORT = {
     "compare": """
         dovetail.found dovetail.modes_pipeline dovetail.pipeline dovetail.result
         dovetail.report.probable dovetail.report.words
-        updating.diagnosis updating.least_squares updating.modal updating.plan
+        updating.diagnosis updating.forecast updating.least_squares updating.modal updating.plan
         fem.reduction
         scipy.spatial scipy.special scipy.constants
         """,

@@ -15,7 +15,7 @@ from benchmarks.validation.cases import CaseSettings, draw_case
 from fem import FRF, Frame
 from updating import EFFECT, FAULT, NOTHING, UNEXPLAINED, build_problem, diagnose
 from updating.diagnosis import begin
-from updating.diagnosis.diagnose import _of_posterior
+from updating.diagnosis.verdict import reason_of, verdict_of
 from updating.inference import BASIS_SHARE, formed, preparation
 
 
@@ -118,22 +118,16 @@ def test_a_mass_is_placed_between_the_sensors():
 def test_a_verdict_gives_its_reason(unknown, n, faults, verdict, reason):
     """By how probable it is that the library lacks what is missing, beside the best hypothesis."""
 
-    def hypothesis(level, *where):
-        effects = tuple(SimpleNamespace(kind="mass", where=w) for w in where)
-        return SimpleNamespace(effects=effects, fitted=SimpleNamespace(level=level))
+    def hypothesis(*where):
+        return SimpleNamespace(effects=tuple(SimpleNamespace(kind="mass", where=w) for w in where))
 
-    nothing, best = hypothesis(1.0), hypothesis(0.1, *"AB"[:n])
-    done = SimpleNamespace(
-        search=SimpleNamespace(known={frozenset(): nothing}),
-        best=best,
-        lead=best,
-        explains=unknown < 0,
-        probability_there=lambda h: 0.97,
-        probability_of_answer=lambda h: 0.26,
-    )
-    got = _of_posterior(done, [None] * faults)
-    assert got[0] == verdict
-    assert re.search(reason, got[1])
+    best = hypothesis(*"AB"[:n])
+    done = SimpleNamespace(best=best, lead=best, explains=unknown < 0, probability_there=lambda h: 0.97)
+    given = [None] * faults
+    assert verdict_of(done, given) == verdict
+    reported = SimpleNamespace(probability=0.26)
+    d = SimpleNamespace(verdict=verdict, found=best.effects, every_fault=given, reported=reported)
+    assert re.search(reason, reason_of(d, done, "residual level", "dB", "8.7", "0.87", "0.87"))
 
 
 @pytest.mark.slow

@@ -134,9 +134,13 @@ class Forecast:
             np.repeat(np.arange(len(grids)), n_each),
             np.concatenate([np.arange(0), *(np.arange(k) for k in n_each)]).astype(np.int64),
             np.empty((n, look.share.shape[1] + 1)),
-            *(np.empty(n) for _ in range(5)),
-            np.empty((n if vectors else 0, look.slopes.shape[1])),
-            np.empty((n if changes else 0, m), dtype=complex),
+            precision=np.empty(n),
+            cost=np.empty(n),
+            factor=np.empty(n),
+            share=np.empty(n),
+            low=np.empty(n),
+            vectors=np.empty((n if vectors else 0, look.slopes.shape[1])),
+            changes=np.empty((n if changes else 0, m), dtype=complex),
         )
         most = np.concatenate([np.zeros(0), *(little.most for little in littles)])
         one_sided = np.repeat([grid.one_sided() for grid in grids], n_each).astype(bool)

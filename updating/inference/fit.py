@@ -32,7 +32,7 @@ from updating.least_squares.loss import pseudo_huber
 from updating.measurement.measurement import Measurement
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class FitProblem(FrfInputs, Problem[FitData]):
     """A fit to FRFs of all that may vary and of candidates: its residuals, the fitted FRFs and their errors.
 
