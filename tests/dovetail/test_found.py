@@ -39,6 +39,7 @@ def reported(study, effects, folder, faults=()):
     zeta = curve.start * np.exp(0.4 * rng.standard_normal(5))
     fitted = model.with_values(values).with_effect(*effects)
     diagnosis = SimpleNamespace(
+        modes=None,
         problem=SimpleNamespace(damping=curve, data=SimpleNamespace(frequency=np.array([10.0, 300.0]))),
         steps=[SimpleNamespace(result=SimpleNamespace(values=values, zeta=zeta))],
         model=fitted,
