@@ -311,7 +311,7 @@ def test_a_study_finds_it_from_its_files_and_writes_a_study_that_can_be_read(tmp
     assert "Checks of the measurement" in report
     assert "joint cubic" in report
     assert "measured and computed" in report
-    assert "shaded, what the standard deviations" in report
+    assert "shaded, the 95 % band of the last one's parameters" in report
     again = load_study(tmp_path / "out" / "found.toml").model.effect("known joint_cubic:bolt.z")
     assert isinstance(again, JointCubic)
     assert again.cubic == pytest.approx(finding.parameters[0].value)

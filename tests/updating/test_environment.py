@@ -5,11 +5,11 @@ import pytest
 
 from fem import Environment, assemble, first_modes
 from fem.effects import Plane, Spin, candidate_kinds, effect_classes
-from tests.frames import cross_beam
+from tests.frames import cross_beam, portal
 from tests.updating.test_evidence_modes import E, cantilever
 from updating import ModeTargets, diagnose_modes, propose
 from updating.diagnosis import admitted, situated, unstated
-from updating.diagnosis.evidence import Odds, place_of
+from updating.diagnosis.evidence import Odds, near_to, place_of
 from updating.inference import EFFECT_ODDS, UNSTATED
 
 
@@ -70,3 +70,13 @@ def test_a_cantilever_with_low_frequencies_is_in_water_only_where_the_study_says
     first = found.explanations[0]
     kinds = [e.kind for e in first.effects]
     assert kinds == (["fluid_added_mass"] if stated else ["member_section"])
+
+
+def test_all_candidates_together_have_the_odds_of_one_more_change():
+    """Kinds of places, places of a kind, and candidates of a place are equally probable."""
+    model = portal()
+    kinds = ["point_mass", "member_stiffness", "support_flexibility"]
+    every = [e for e in propose(model, kinds) if len(near_to(e)) == 1]
+    assert {place_of(e)[0] for e in every} == {"member", "support"}
+    odds = Odds.of(every, model)
+    assert sum(np.exp(odds.prior((e,))) for e in every) == pytest.approx(np.exp(-EFFECT_ODDS))

@@ -100,6 +100,7 @@ class Promised:
 class Odds:
     """Prior odds of effects, by how many candidates a place has, and how many places a kind of place.
 
+    Kinds of places are equally probable, so that all candidates together have the odds of one more change.
     ``admitted`` is the probability that the situation of the structure admits a kind, by kind; a candidate of
     it counts as so much of one. ``beforehand`` is the logarithm of the odds of everything else that is
     believed of the data.
@@ -130,7 +131,7 @@ class Odds:
             total += np.log(self.admitted.get(e.kind, 1.0))
             if name not in seen:
                 seen.add(name)
-                total -= np.log(max(self.n_places.get(kind, 0), 1))
+                total -= np.log(max(self.n_places.get(kind, 0), 1) * max(len(self.n_places), 1))
         return float(total)
 
     def against(self, effects: Sequence[Effect], new: Sequence[Effect]) -> float:
