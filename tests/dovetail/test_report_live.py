@@ -406,9 +406,8 @@ def test_a_narrow_page_does_not_scroll_sideways(folder, live, chromium):
         for name in ("staircase", "model", "ranking-1", "frf-error", "frf", "modes"):
             assert legend_below_the_bar(page, name), name
         assert page.evaluate("document.documentElement.scrollWidth") == 400
-        colour = page.evaluate(
-            "document.querySelector('figure[data-figure=frf] .plot').data.find(t => t.name === 'measured').line.color"
-        )
+        plot = "document.querySelector('figure[data-figure=frf] .plot')"
+        colour = page.evaluate(f"{plot}.data.find(t => t.name === 'measured').line.color")
         assert colour == "#e6edf3"  # measured FRFs are light on a dark page
         ink, paper = page.evaluate(
             "(() => { const s = getComputedStyle(document.documentElement);"
