@@ -264,6 +264,7 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
     progress("refining", 0.9)
     best, *others = sorted(ways, key=lambda way: -way.search.best.score)
     best = replace(best, best=best.search.polished(best.search.with_rivals_of_form(best.search.best)))
+    best.search.promise_rest(best.best)
     return replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
 
 

@@ -14,6 +14,7 @@ from updating.diagnosis.evidence.screening import LEAST_GRIDS, Screened, look_at
 from updating.diagnosis.evidence.shortlist import MOST_PLACES, rivals, shortlist
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
+from updating.forecast.look import Floats
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
@@ -74,6 +75,10 @@ class Ranking(Protocol):
         self, problem: Any, last: FitResult, effects: Sequence[Effect], n_best: int
     ) -> tuple[Screened, ...]:
         """Return the candidates that come nearest to what the last effect of a fit does."""
+        ...
+
+    def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> Floats:
+        """Return ln of likelihood ratios over a fit, averaged over sizes and places, (n_effects,)."""
         ...
 
     def scatter(self, problem: Any, result: FitResult, size: float | None = None) -> FormScatter | None:
@@ -138,6 +143,10 @@ class FrfRanking:
             chosen = shortlist(problem, bases, grids)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, bases, grids, far=far)
+
+    def log_evidence(self, problem: FitProblem, current: FitResult, effects: Sequence[Effect]) -> Floats:
+        """Return the same by the forecast at the fit."""
+        return Forecast.at(problem, current, effects, n_places=MOST_PLACES).log_evidence
 
     def _screened_near(
         self,

@@ -221,6 +221,7 @@ class Search(Generic[P]):
     places: tuple[Place, ...] = field(init=False)
     elsewhere: list[Hypothesis] = field(default_factory=list, init=False)
     promised: dict[frozenset[str], Promised] = field(default_factory=dict, init=False)
+    _extended: set[frozenset[str]] = field(default_factory=set, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
 
     def __post_init__(
@@ -285,6 +286,27 @@ class Search(Generic[P]):
     def promises(self) -> list[Promised]:
         """Return what was not fitted, as probable as its forecast makes it."""
         return [p for key, p in self.promised.items() if key not in self.known]
+
+    def promise_rest(self, base: Hypothesis) -> None:
+        """Forecast every candidate that could be added to a hypothesis which explains the data.
+
+        The search has done it for those that it has tried to extend near the data, and modes are weighed by
+        :mod:`updating.diagnosis.unfitted`.
+        """
+        ranking = self.fits.ranking
+        if base.key in self._extended or not ranking.precise_looks or not self.explains(base):
+            return
+        rest = self.compatible_with(base.effects)
+        evidence = ranking.log_evidence(self.fits.free(base), base.fitted, rest)
+        self._promise(base, list(zip(rest, evidence.tolist(), strict=True)))
+
+    def _promise(self, base: Hypothesis, forecast: Sequence[tuple[Effect, float]]) -> None:
+        """Keep what hypotheses with one effect more are worth, of effects with their log evidence."""
+        self._extended.add(base.key)
+        for effect, gain in forecast:
+            score = base.score + gain - self.fits.odds.against(base.effects, (effect,))
+            new = (*base.effects, effect)
+            self.promised.setdefault(key_of(new), Promised(new, score))
 
     def settled(self, h: Hypothesis) -> bool:
         """Whether a hypothesis has found what was missing: otherwise its uncertain parameters may be bent."""
@@ -546,10 +568,8 @@ class Search(Generic[P]):
         )
         if settled:
             screened.sort(key=lambda s: against(s.effect) - s.gain)
-            for s in screened:
-                new = (*base.effects, s.effect)
-                worth = s.log_evidence - against(s.effect)
-                self.promised[key_of(new)] = Promised(new, base.score + worth)
+            if self.fits.ranking.precise_looks:
+                self._promise(base, [(s.effect, s.log_evidence) for s in screened])
         # Where something is missing parameters may be bent, nothing is linear, and all may win.
         likely = [s for s in screened if not settled or s.gain > against(s.effect)]
         chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]
