@@ -66,6 +66,24 @@ def test_effect_of_five_standard_deviations_gains_what_its_forecast_says(prepare
         assert after.gains[i] == pytest.approx(gain, rel=0.1)
 
 
+def test_support_that_gives_way_gains_what_its_forecast_says():
+    """A basis that holds the support errs by more than a little flexibility changes."""
+    case = make_case(3, "portal", "support_flexibility")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    planned = as_planned(problem, problem.nominal())
+    effect = next(e for e in propose(case.model, ["support_flexibility"]) if e.direction == "ry")
+    forecast = Forecast.at(planned, planned.nominal(), [effect], besides=0.0)
+    soft = forecast.effect_at(0, 5.0 / forecast.precision[0])
+    known = hiding(planned, soft)
+    how = {"n_lines": FULL_LINES, "tolerance": 1e-6}
+    without = fit(known, **how)
+    right = fit(known, [effect], [parameter_values(soft)], x_from=without, **how)
+    gain = log_posterior(known, right) - log_posterior(known, without)
+    assert gain == pytest.approx(0.5 * 5.0**2, rel=0.3)
+    half = forecast.effect_at(0, 2.5 / forecast.precision[0])
+    assert half.stiffness == pytest.approx(2 * soft.stiffness)
+
+
 def test_effects_that_release_nothing_are_forecast_as_if_they_were_projected(prepared):
     problem, null, candidates = prepared
     look = Look.of(problem, null, 20, 0, 2_000)

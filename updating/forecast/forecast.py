@@ -207,7 +207,7 @@ class Forecast:
         def change(little: Little) -> Complexes:
             effect = little.grid.effect
             if effect.released() or little.absent is not None:
-                return look.all_changes(Grid(effect, little.points))
+                return look.small_changes(little)
             slopes = [
                 fields.slope(model.parts_of(effect.with_values(**point)), effect.connection)
                 for point in little.points

@@ -18,7 +18,7 @@ from fem.reduction.scaling import scale_factors
 from fem.reduction.series import terms_in_series
 from fem.reduction.terms import ReducedTerm
 from updating.correlation import complex_log
-from updating.forecast.grid import Grid, Little
+from updating.forecast.grid import WEAKER, Grid, Little
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
@@ -234,8 +234,21 @@ class Look:
     def little(self, grid: Grid) -> SmallChange:
         """Return the slopes of the residuals of the full band by a candidate."""
         little = Little.of(grid, self.base.values)
-        change = self.changes(Grid(grid.effect, little.points))
+        change = self.small_changes(little)[:, self.full_band]
         return SmallChange(grid, little.points, little.absent, little.most, change)
+
+    def small_changes(self, little: Little) -> Complexes:
+        """Return the changes of all residuals by a little of a candidate, (n_points, m).
+
+        Of what releases a constraint, the slope: a basis that holds the constraint and one that lets it give
+        way hardly differ by more than a little flexibility does.
+        """
+        effect = little.grid.effect
+        if not effect.released():
+            return self.all_changes(Grid(effect, little.points))
+        weaker = tuple(little.values(k, WEAKER) for k in range(len(little.points)))
+        strong, weak = np.split(self.all_changes(Grid(effect, little.points + weaker)), 2)
+        return (strong - weak) / (1 - WEAKER)
 
     def changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of the full band's residuals, (n_points, m); 0 where impossible."""
