@@ -80,8 +80,22 @@ def test_support_that_gives_way_gains_what_its_forecast_says():
     right = fit(known, [effect], [parameter_values(soft)], x_from=without, **how)
     gain = log_posterior(known, right) - log_posterior(known, without)
     assert gain == pytest.approx(0.5 * 5.0**2, rel=0.3)
-    half = forecast.effect_at(0, 2.5 / forecast.precision[0])
-    assert half.stiffness == pytest.approx(2 * soft.stiffness)
+
+
+def test_letting_go_alone_counts_as_no_change(monkeypatch):
+    """A support that gives way dissipates as a connection: held, and hardly held, differ by that alone."""
+    case = make_case(3, "portal", "support_flexibility")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    look = Look.of(problem, problem.nominal(), 12, 0, 200)
+    effect = next(e for e in propose(case.model, ["support_flexibility"]) if e.released())
+    little = Little.of(Grid.of(problem, effect), {})
+    (k,) = (point["stiffness"] for point in little.points)
+
+    def changes(look, grid):
+        return np.array([[7.0 + 3.0 * k / point["stiffness"]] for point in grid.points])
+
+    monkeypatch.setattr(Look, "all_changes", changes)
+    assert look.small_changes(little) == pytest.approx(np.array([[3.0]]))
 
 
 def test_effects_that_release_nothing_are_forecast_as_if_they_were_projected(prepared):
