@@ -109,7 +109,7 @@ class Campbell:
     @property
     def unstable(self) -> NDArray[np.bool_]:
         """Whether a mode grows at each speed, shape (n_speeds,); negative ratios below 1e-9 are rounding."""
-        return (np.nan_to_num(self.zeta) < -1e-9).any(axis=1)
+        return np.asarray((np.nan_to_num(self.zeta) < -1e-9).any(axis=1))
 
     def turning(self, branch: int) -> float:
         """Return the mean whirl of a branch [-]; NaN where no axis turns."""
