@@ -23,11 +23,10 @@ from updating.diagnosis.mode_table import ModeTable
 from updating.diagnosis.reported_modes import ReportedModes
 from updating.diagnosis.verdict import Explanation, Verdict
 from updating.inference.belief import FAR_STD
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.mode_fit import ModeProblem
 from updating.inference.parameters import DampingCurve
 from updating.inference.unknowns import nuisance_unknowns
+from updating.measurement.measurement import Measurement
 from updating.plan.plan import Plan
 from updating.quality.faults import Fault
 
@@ -229,9 +228,9 @@ def uncertain_parameters(d: Verdict) -> tuple[UncertainValue, ...]:
                 effect.where if effect.is_form else "",
             )
         )
-    if isinstance(problem, FitProblem):
-        out += channels_of(problem, final)
-    if isinstance(problem, ModeProblem) and not np.isfinite(problem.targets.zeta).any():
+    if (test := problem.test_of(final)) is not None:
+        out += channels_of(test, final)
+    if not problem.data.has_damping:
         return tuple(out)
     curve = problem.damping
     first = len(final.values)
@@ -251,10 +250,9 @@ def uncertain_parameters(d: Verdict) -> tuple[UncertainValue, ...]:
     return tuple(out)
 
 
-def channels_of(problem: FitProblem, final: FitResult) -> list[UncertainValue]:
+def channels_of(m: Measurement, final: FitResult) -> list[UncertainValue]:
     """Return the errors of channels that are farther from the test's description than its accuracy says."""
-    m, out = problem.data.measurement, []
-    prior = m.errors.std
+    out, prior = [], m.errors.std
     for number, (channel, values, stds) in enumerate(
         zip((*m.sensors, *m.excitations), final.channels, final.channels_std, strict=False)
     ):

@@ -96,7 +96,7 @@ def test_channels_are_named_that_are_farther_off_than_described(problem):
     errors = problem.nominal().channels.copy()
     errors[1, 0], errors[2, 3] = 0.09, 0.002
     result = replace(problem.nominal(), channels=errors, channels_std=0 * errors + 1e-3)
-    (found,) = channels_of(problem, result)
+    (found,) = channels_of(problem.data.measurement, result)
     assert found.words == "sensor post y: gain too large by"
     assert (found.fitted, found.moved) == (0.09, pytest.approx(3.0))
 

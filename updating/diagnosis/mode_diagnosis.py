@@ -279,7 +279,6 @@ def diagnose_modes(
 def concluded(done: Searched[ModeProblem], start_time: float) -> ModeDiagnosis:
     """Return what a search by modes has to tell; it began at a ``time.perf_counter()`` [s]."""
     search, best, problem = done.search, done.best, done.search.fits.problem
-    assert isinstance(problem, ModeProblem)
     verdict = verdict_of(done)
     nothing, final = search.known[frozenset()], _reported(done)
     found = best.effects if verdict == EFFECT else ()
