@@ -243,12 +243,12 @@ def _effects(
         e.relevant(sizes, mass, problem.surroundings) if s else None
         for e, s in zip(candidates, single, strict=True)
     ]
-    counted = [(k, v) for k, v in enumerate(values) if v is not None]
+    counted = [k for k, v in enumerate(values) if v is not None]
     rest = [k for k, v in enumerate(values) if v is None]
     n, effects = 0, list[Effect]()
     parts: list[NDArray[np.complex128]] = []
     against: list[float] = []
-    for some, most in (([k for k, _ in counted], N_POSITIONS), (rest, N_OF_RIVALS)):
+    for some, most in ((counted, N_POSITIONS), (rest, N_OF_RIVALS)):
         grids = [Grid.of(problem, candidates[k]) for k in some]
         there = Forecast.of(look, grids, n_places=most, changes=True)
         each = [odds_against(problem, g.effect, odds, len(g.slight_points())) for g in grids]
@@ -260,8 +260,9 @@ def _effects(
             effects.append(slight)
             parts.append(change)
             against.append(each[o])
-        n = n or len(effects)
-        say(1.0 if some is rest else 0.7)
+        if some is counted:
+            n = len(effects)
+            say(0.7)
     return n, effects, np.array(parts), np.array(against)
 
 
