@@ -9,13 +9,14 @@ one without. `benchmarks.sensitivity` has the derivatives of 40 modes by 100 par
 import sys
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from fem import Damping, Frame, Material, MemberProperties, Mesh, Model, Section, Support, assemble
 from fem.effects import MemberStiffness
-from updating import FitProblem, Unknown, build_mode_problem, build_problem, frf_data, mode_data
-from updating.inference import ModeProblem
+from updating import Unknown, build_mode_problem, build_problem, frf_data, mode_data
+from updating.inference.problem import Problem
 
 LINES = np.linspace(5.0, 120.0, 250)
 BAYS = 6
@@ -58,7 +59,7 @@ def row(elements: int) -> tuple[float, str]:
     return iteration, f"{n_free:8d}{n_basis:8d}{basis:10.3f}{iteration:11.4f}{by_modes:11.4f}"
 
 
-def _iteration(problem: FitProblem | ModeProblem) -> float:
+def _iteration(problem: Problem[Any]) -> float:
     """Return the time of one evaluation with derivatives and one without [s]."""
     function = problem.function((), (), problem.lines_up_to(np.inf, LINES.size))
     x = function.start
