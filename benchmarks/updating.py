@@ -51,7 +51,7 @@ def row(elements: int) -> tuple[float, str]:
     places = [(p, d) for p in range(2, 2 * BAYS + 2, 2) for d in "xy"], [(2 * BAYS, "x"), (BAYS, "y")]
     H = np.ones((LINES.size, len(places[0]), 2))
     data = frf_data(model, H, lines=LINES, outputs=places[0], inputs=places[1], noise=0.01)
-    made: list[FitProblem] = []
+    made: list[Problem[Any]] = []
     basis = seconds(lambda: made.append(build_problem(model, data, asked, model_error=0.0)))
     iteration, of_modes = _iteration(made[0]), mode_data(model, frequency=np.linspace(5.0, 60.0, 10))
     by_modes = _iteration(build_mode_problem(model, of_modes, asked, model_error=0.0))

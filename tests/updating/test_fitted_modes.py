@@ -77,6 +77,7 @@ def test_the_result_tells_the_damping_of_connections_where_there_are_any():
 
     fit = SimpleNamespace(values={}, std={}, zeta=unknowns, covariance=np.diag([0.01, 0.01, 0.04, 0.09]))
     problem = SimpleNamespace(nuisances=(), damping=CURVE, reduced=SimpleNamespace(model=None))
+    problem.test_of, problem.data = (lambda fit: None), SimpleNamespace(has_damping=True)
 
     def rows(model):
         d = SimpleNamespace(calibration=(problem, fit, model))
