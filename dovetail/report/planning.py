@@ -95,10 +95,7 @@ PERCENT = "{:.0f} %".format
 MOST_TWINS = 10
 """Largest number of indistinguishable pairs that are printed."""
 SHARES = ("seen", "located", "named")
-EXCLUDED = (
-    "These data would have shown effects of at least these sizes, by a linear estimate with a probability of "
-    "90 %. Where the estimate was checked, up to 1.7 times the size was needed."
-)
+EXCLUDED = "These data would have shown effects of at least these sizes, by a linear estimate with a probability of 90 %."
 
 
 def _range(effects: list[Effect]) -> str:
