@@ -95,7 +95,9 @@ PERCENT = "{:.0f} %".format
 MOST_TWINS = 10
 """Largest number of indistinguishable pairs that are printed."""
 SHARES = ("seen", "located", "named")
-EXCLUDED = "These data would have shown effects of at least these sizes, by a linear estimate with a probability of 90 %."
+EXCLUDED = (
+    "A linear estimate: with a probability of 90 %, these data would have shown effects of these sizes."
+)
 
 
 def _range(effects: list[Effect]) -> str:
