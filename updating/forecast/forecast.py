@@ -4,7 +4,7 @@ To first order in the effect and in all that varies beside it. The change of the
 effect is -Hₒ ΔZ Hᵢ, from the responses at all DOFs and the effect's own few element matrices, so that no
 candidate is projected. What uncertain parameters, the form, damping and channels could do of it is taken away
 with their priors. The rest, v in whitened residuals, makes the effect known to ± 1/|v|: of size a it gains
-½ (a |v|)² nats over a model without it, and the share cos² of that over one with another effect.
+½ (a |v|)² nats over a model without it, and of that the share 1 - cos² over one with another effect.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -91,13 +91,14 @@ class Forecast:
         candidates: Sequence[Effect],
         *,
         besides: float | None = None,
+        bounded: bool = True,
         n_places: int = 0,
         vectors: bool = False,
         say: Callable[[float], None] = lambda done: None,
     ) -> "Forecast":
         """Return what candidates would do at a fit; parameters as of :meth:`of` and of :meth:`Look.of`."""
         most = MOST_COMPARED if vectors else MOST_VALUES
-        look = Look.of(problem, base, n_lines(problem), 0, most, besides, bounded=not vectors)
+        look = Look.of(problem, base, n_lines(problem), 0, most, besides, bounded=bounded)
         grids = [Grid.of(problem, e) for e in candidates]
         return cls.of(look, grids, n_places=n_places, vectors=vectors, say=say)
 

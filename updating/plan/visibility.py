@@ -211,6 +211,7 @@ def visibility(
         base,
         candidates,
         besides=discrepancy,
+        bounded=False,
         n_places=max(1, MOST_POSITIONS // max(len(candidates), 1)),
         vectors=True,
         say=lambda done: say("what a little of each effect does", 0.7 * done),
@@ -279,7 +280,7 @@ def _learned(forecast: Forecast) -> tuple[Floats, Floats]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Worth:
+class _ExpectedGains:
     """Gains of multiples of small changes.
 
     ½ (a |v|)² as long as the change is small beside what a right model leaves; beyond, its logarithm.
@@ -292,7 +293,7 @@ class _Worth:
     by_group: Floats
 
     @classmethod
-    def of(cls, forecast: Forecast, discrepancy: float | None, averaged: float) -> "_Worth":
+    def of(cls, forecast: Forecast, discrepancy: float | None, averaged: float) -> "_ExpectedGains":
         level = level_left(forecast, discrepancy, averaged)
         return cls(forecast.look.likelihood, forecast.squares, level, *_learned(forecast))
 
@@ -323,14 +324,14 @@ class _Worth:
 
 def expected_gains(forecast: Forecast, a: Floats, discrepancy: float | None) -> Floats:
     """Return the expected gains in log evidence (n,) of multiples (n,) of a little [nats]."""
-    return _Worth.of(forecast, discrepancy, 1.0).gains(a)
+    return _ExpectedGains.of(forecast, discrepancy, 1.0).gains(a)
 
 
 def least_amplitudes(
     forecast: Forecast, wanted: Floats, discrepancy: float | None, averaged: float = 1.0
 ) -> Floats:
     """Return the multiples (n,) of a little that gain what is wanted (n,) [nats]; infinite if none does."""
-    worth = _Worth.of(forecast, discrepancy, averaged)
+    worth = _ExpectedGains.of(forecast, discrepancy, averaged)
     slope = worth.slope
     seen = slope > 0
     low = np.where(seen, np.sqrt(wanted / np.where(seen, slope, 1.0)), 1.0)  # gains are at most linear in a²

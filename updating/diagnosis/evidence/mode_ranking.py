@@ -492,10 +492,9 @@ class ModeRanking:
         without = last.without(last.effects[-1].name)
         return self._looked_at(problem, without, effects, lambda effect: False, N_LOOKED)[:n_best]
 
-    def log_evidence(self, problem: ModeProblem, current: FitResult, effects: Sequence[Effect]) -> Floats:
-        """Return the same to first order, 0 where the data see nothing."""
-        looked = {e.name: x.evidence for e, x in self.looked(problem, current, effects)}
-        return np.array([looked.get(e.name, 0.0) for e in effects])
+    def log_evidence(self, problem: ModeProblem, current: FitResult, effects: Sequence[Effect]) -> None:
+        """Return None: :mod:`updating.diagnosis.unfitted` weighs them."""
+        return
 
     def scatter(
         self, problem: ModeProblem, result: FitResult, size: float | None = None

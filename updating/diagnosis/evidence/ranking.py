@@ -77,8 +77,11 @@ class Ranking(Protocol):
         """Return the candidates that come nearest to what the last effect of a fit does."""
         ...
 
-    def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> Floats:
-        """Return ln of likelihood ratios over a fit, averaged over sizes and places, (n_effects,)."""
+    def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> Floats | None:
+        """Return ln of likelihood ratios over a fit, averaged over sizes and places, (n_effects,).
+
+        None where those that were not fitted are weighed otherwise.
+        """
         ...
 
     def scatter(self, problem: Any, result: FitResult, size: float | None = None) -> FormScatter | None:

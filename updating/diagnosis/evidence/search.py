@@ -290,15 +290,14 @@ class Search(Generic[P]):
     def promise_rest(self, base: Hypothesis) -> None:
         """Forecast every candidate that could be added to a hypothesis which explains the data.
 
-        The search has done it for those that it has tried to extend near the data, and modes are weighed by
-        :mod:`updating.diagnosis.unfitted`.
+        The search has done it for those that it has tried to extend near the data.
         """
-        ranking = self.fits.ranking
-        if base.key in self._extended or not ranking.precise_looks or not self.explains(base):
+        if base.key in self._extended or not self.explains(base):
             return
         rest = self.compatible_with(base.effects)
-        evidence = ranking.log_evidence(self.fits.free(base), base.fitted, rest)
-        self._promise(base, list(zip(rest, evidence.tolist(), strict=True)))
+        evidence = self.fits.ranking.log_evidence(self.fits.free(base), base.fitted, rest)
+        if evidence is not None:
+            self._promise(base, list(zip(rest, evidence.tolist(), strict=True)))
 
     def _promise(self, base: Hypothesis, forecast: Sequence[tuple[Effect, float]]) -> None:
         """Keep what hypotheses with one effect more are worth, of effects with their log evidence."""
