@@ -90,6 +90,8 @@ class ParametricModes:
         Of the modes that are asked for [Hz].
     refs, candidates, release
         As of :class:`fem.reduction.parametric_frf.ParametricFRF`.
+    constant : ReducedTerm, optional
+        Matrices on the basis's columns that no parameter changes, besides those of the model.
     """
 
     def __init__(
@@ -100,7 +102,9 @@ class ParametricModes:
         refs: Sequence[ParameterRef] = (),
         candidates: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
+        constant: ReducedTerm | None = None,
     ) -> None:
+        self._constant = constant
         self.engine = ParametricFRF(
             reduced, outputs, outputs[:, :0], frequency, refs, candidates, release, projected=True
         )
@@ -119,7 +123,8 @@ class ParametricModes:
         total, alone = engine.matrices(values)
         self._last = values.tobytes(), alone
         columns = np.eye(engine.reduced.basis.T.shape[1])[:, engine.active]
-        return ModesAt(engine.reduced, engine.omega, np.atleast_2d(zeta), total, engine.outputs, columns)
+        at = ModesAt(engine.reduced, engine.omega, np.atleast_2d(zeta), total, engine.outputs, columns)
+        return at if self._constant is None else at.with_term(self._constant)
 
     def slopes(self, values: Floats) -> list[tuple[int, ReducedTerm]]:
         """Return the derivatives of the matrices by parameters, with these."""

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fem import AddedMass, assemble, first_modes
+from fem import AddedMass, Damping, assemble, first_modes
 from tests.frames import beam, fix
-from updating import ModeTargets, Nuisance, diagnose_change
+from updating import ModeTargets, Nuisance, Sensor, diagnose_change
 from updating.diagnosis import calibrate, changed_problem, judged
-from updating.diagnosis.states import corrected
+from updating.diagnosis.states import carried_modes
 from updating.inference import CommonErrors
 
 NOISE, N_MODES = 1e-3, 6
@@ -53,19 +53,61 @@ def test_of_a_model_that_fits_to_the_noise_little_is_subtracted():
     before, after = frequencies(model, rng), frequencies(model, rng)
     first = calibrate(model, before, UNCERTAIN, model_error=0.0)
     assert first.form_share[0] < 0.2
-    assert np.abs(np.log(corrected(first, after).frequency / after.frequency)).max() < 0.4 * NOISE
+    carried = carried_modes(first, after)
+    eigenvalues = (2 * np.pi * after.frequency) ** 2
+    assert np.abs(carried.stiffness / eigenvalues).max() / 2 < 0.4 * NOISE
 
 
 @pytest.mark.parametrize("model_error", [0.0, 0.3])
-def test_what_no_parameter_explains_is_subtracted_from_both_states(model_error):
+def test_what_no_parameter_explains_is_carried_from_one_state_to_the_other(model_error):
     rng = np.random.default_rng(2)
     true, model = cantilever(mass=0.3), cantilever()
     before, after = frequencies(true, rng), frequencies(true, rng)
-    first = calibrate(model, before, UNCERTAIN, model_error=model_error)
+    first, _, problem = changed_problem(model, before, after, UNCERTAIN, model_error=model_error)
     assert first.form_share[0] > 0.9
-    left = np.log(corrected(first, after).frequency / first.computed.frequency)
+    left = np.log(after.frequency / problem.computed(problem.nominal()).frequency)
     assert np.abs(np.log(before.frequency / first.computed.frequency)).max() > 10 * NOISE
     assert np.abs(left).max() < 5 * NOISE
+
+
+@pytest.mark.parametrize("mass", [0.1, 0.3, 1.0])
+def test_what_the_first_state_misses_follows_modes_that_a_change_mixes(mass):
+    """Frequencies fall by up to 50 %, and two modes change their order."""
+
+    def modes(*more):
+        true = first_modes(assemble(beam(8, effects=(fix(0), *more), theory="timoshenko")), 40)
+        return ModeTargets.of(true.frequency[:5], 1e-4)
+
+    unknown = AddedMass(name="unknown", point=5, mass=0.02)
+    change = AddedMass(name="change", point=1, mass=mass)
+    model = beam(8, effects=(fix(0),), theory="timoshenko")
+    before, after = modes(unknown), modes(unknown, change)
+    first, _, problem = changed_problem(model, before, after, changes=[change])
+    left = np.log(problem.computed(problem.nominal()).frequency / after.frequency)
+    assert np.abs(first.missed).max() > 30
+    assert np.abs(left).max() < 1e-3
+
+
+def test_shapes_and_damping_that_the_first_state_misses_are_carried_too():
+    """A sensor that reads 10 % too much, and one mode that is damped twice as much."""
+    model = beam(8, effects=(fix(0),), theory="timoshenko").with_damping(Damping.modal(0.01))
+    points = [1, 3, 5, 7]
+    sensors = [Sensor(f"s{p}", model.mesh.points[p], np.array([0.0, 1.0, 0.0])) for p in points]
+    true = first_modes(assemble(model), 12)
+    motion = true.shapes[[6 * p + 1 for p in points]]
+    n = np.flatnonzero(np.abs(motion).max(axis=0) > 1e-2)[:3]
+    shapes = motion[:, n] * np.array([[1.1], [1.0], [1.0], [1.0]])
+    zeta = np.array([0.01, 0.02, 0.01])
+    state = ModeTargets.of(
+        true.frequency[n], 1e-4, zeta=zeta, zeta_std=0.01, shapes=shapes, shape_std=1e-3, sensors=sensors
+    )
+    first, _, problem = changed_problem(model, state, state)
+    assert problem.carried is not None
+    found = problem.computed(problem.nominal())
+    assert first.computed.zeta[1] < 0.017
+    np.testing.assert_allclose(found.zeta, zeta, rtol=0.03)
+    assert first.computed.mac.min() < 0.999
+    assert found.mac.min() > 0.99999
 
 
 def test_without_a_change_the_second_state_is_as_near_as_noise_and_calibration_leave_it():

@@ -46,6 +46,7 @@ from updating.inference.mode_fit import (
     BAD_PRIOR,
     FREQUENCY,
     LARGEST_DISCREPANCY,
+    LEAST_DISCREPANCY,
     ComputedModes,
     ModeProblem,
     n_below,
@@ -98,8 +99,9 @@ class Calibrated:
         fit = self.fitted.levels
         assert isinstance(fit, ModeLevels)
         out = np.zeros(len(LARGEST_DISCREPANCY))
+        sizes = (each[fit.kind] for each in (LEAST_DISCREPANCY, LARGEST_DISCREPANCY))
         levels = ModeLevels.up_to(
-            fit.kind, fit.n, fit.size, fit.variance, LARGEST_DISCREPANCY[fit.kind], fit.bad, fit.bad_prior
+            fit.kind, fit.n, fit.size, fit.variance, *sizes, fit.bad, fit.bad_prior
         )
         out[fit.kind] = levels.discrepancy_share(self.fitted.misfit)
         return out

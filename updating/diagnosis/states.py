@@ -7,7 +7,8 @@ the second state's residuals are
 
     r' = k r + (1 - k) J ε + n' + √k σ ξ,  ξ ~ N(0, 1).
 
-So k r is subtracted. ε remains uncertain as the first state has left it, and acts on all modes together.
+So k r is carried over: as a change of the calibrated model's matrices in its modes, which mix with each
+other as the second state's do. ε remains uncertain as the first state has left it, and acts on all modes together.
 
 Where the first state says that the model lacks something, δ is no constant: see
 :mod:`updating.diagnosis.baseline`.
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect, Model
 from fem.summary import percent
+from fem.system import assemble
 from updating.diagnosis.baseline import calibrate, judged
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.carried import CHANGED
@@ -38,6 +40,7 @@ from updating.diagnosis.mode_diagnosis import (
     concluded,
     searched_modes,
 )
+from updating.inference.carried_modes import CarriedModes
 from updating.inference.common_errors import CommonErrors
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
@@ -49,45 +52,56 @@ from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import Unknown
 
 
-def corrected(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
-    """Return the second state's modes without the model's error of the first.
+def carried_modes(calibrated: Calibrated, after: ModeTargets) -> CarriedModes:
+    """Return the share of the model's error of what a calibrated model misses of the first state's modes.
 
-    ln f and ln ζ are less by its share of the first state's residuals, shapes by that of the difference of
-    measured and computed ones, each of length 1. Variances grow by the same shares of the first state's.
-    Modes that the first state or its model has not keep their values.
+    Shapes where both states have the same sensors; a mode that the model or the first state has not misses
+    nothing.
     """
     problem, fitted = calibrated.problem, calibrated.fitted
     before, (of_f, of_zeta, of_shape) = problem.targets, calibrated.form_share
-    computed, shapes = calibrated.computed, _computed_shapes(problem, fitted)
-    f, f_std = after.frequency.copy(), after.frequency_std.copy()
-    zeta, zeta_std = after.zeta.copy(), after.zeta_std.copy()
-    psi, psi_std = np.array(after.shapes), after.shape_std.copy()
-    alike = same_sensors(before, after)
-    for i, k in enumerate(_common_modes(calibrated, after)):
-        if k < 0:
-            continue
-        f[i] *= (computed.frequency[k] / before.frequency[k]) ** of_f
-        f_std[i] = np.hypot(f_std[i], np.sqrt(of_f) * before.frequency_std[k])
-        if np.isfinite(before.zeta[k]) and np.isfinite(zeta[i]) and computed.zeta[k] > 0:
-            zeta[i] *= (computed.zeta[k] / before.zeta[k]) ** of_zeta
-            zeta_std[i] = np.hypot(zeta_std[i], np.sqrt(of_zeta) * before.zeta_std[k])
-        if alike:
-            psi[:, i] += of_shape * _shape_difference(before.shapes[:, k], shapes[:, k], psi[:, i])
-            psi_std[i] = np.hypot(psi_std[i], np.sqrt(of_shape) * before.shape_std[k])
-    out = ModeTargets.of(
-        f,
-        f_std,
-        zeta=zeta,
-        zeta_std=zeta_std,
-        shapes=psi if after.has_shapes else None,
-        shape_std=psi_std,
-        sensors=after.sensors,
-        plane=after.plane,
-        held_out=np.flatnonzero(after.held_out).tolist(),
-        numbers=None if after.numbers is None else after.numbers.tolist(),
-        name=after.name,
+    computed, refs, every = calibrated.computed, list(fitted.values), np.arange(problem.targets.n)
+    at = problem.parametric(every, refs, fitted.effects).at(
+        np.array([fitted.values[r] for r in refs]),
+        problem.damping.ratio(before.frequency, fitted.zeta),
     )
-    return out
+    partner = matched_modes(problem, at, every).partner
+    some = np.flatnonzero((partner >= 0) & np.isfinite(computed.frequency))
+    pairs = [at.pairs(int(i)) for i in some]
+    lam = np.array([p.eigenvalues[partner[i]] for p, i in zip(pairs, some, strict=True)])
+    x = [at.columns @ p.vectors[:, partner[i]] for p, i in zip(pairs, some, strict=True)]
+    basis, system = problem.reduced.basis, assemble(calibrated.model, reciprocal=False)
+    phi = basis.T @ np.stack(x, axis=1) if x else np.zeros((len(basis.T), 0))
+    forces = np.asarray(system.Q @ (system.M @ (system.Q.T @ phi)))
+    forces = forces / (phi * forces).sum(axis=0)
+    moved = lam * ((before.frequency / computed.frequency)[some] ** (2 * of_f) - 1)
+    ratio = np.where(np.isfinite(before.zeta) & (computed.zeta > 0), before.zeta / computed.zeta, 1.0)[some]
+    lost = 2 * computed.zeta[some] * (ratio**of_zeta - 1) * (lam + moved)
+    shapes = np.zeros((len(after.sensors), len(some)))
+    if same_sensors(before, after):
+        there = [p.shapes[:, partner[i]] for p, i in zip(pairs, some, strict=True)]
+        each = [_shape_difference(before.shapes[:, i], c) for i, c in zip(some, there, strict=True)]
+        shapes = of_shape * np.array(each).T.reshape(shapes.shape)
+    return CarriedModes(forces, moved, lost, shapes)
+
+
+def with_first_noise(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
+    """Return the second state's modes with variances that have the first state's, by the same shares."""
+    before, (of_f, of_zeta, of_shape) = calibrated.problem.targets, calibrated.form_share
+    k = _common_modes(calibrated, after)
+    known, alike = k >= 0, same_sensors(before, after)
+    of_shape = of_shape if alike else 0.0
+    damped = known & np.isfinite(before.zeta[k])
+
+    def both(std: NDArray[np.float64], first: NDArray[np.float64], share: float, there: NDArray[np.bool_]) -> Any:
+        return np.where(there, np.hypot(std, np.sqrt(share) * first[k]), std)
+
+    return replace(
+        after,
+        frequency_std=both(after.frequency_std, before.frequency_std, of_f, known),
+        zeta_std=both(after.zeta_std, before.zeta_std, of_zeta, damped),
+        shape_std=both(after.shape_std, before.shape_std, of_shape, known),
+    )
 
 
 def _common_modes(calibrated: Calibrated, after: ModeTargets) -> NDArray[np.int64]:
@@ -118,34 +132,13 @@ def partners(before: ModeTargets, after: ModeTargets) -> NDArray[np.int64]:
     return out
 
 
-def _computed_shapes(problem: ModeProblem, fitted: FitResult) -> NDArray[np.float64]:
-    """Return the model's shapes of the measured modes of the first state, NaN without a partner."""
-    t, refs = problem.targets, list(fitted.values)
-    every = np.arange(t.n)
-    at = problem.parametric(every, refs, fitted.effects).at(
-        np.array([fitted.values[r] for r in refs]),
-        problem.damping.ratio(t.frequency, fitted.zeta),
-    )
-    partner = matched_modes(problem, at, every).partner
-    out = np.full((at.outputs.shape[1], t.n), np.nan)
-    for i, k in enumerate(partner):
-        if k >= 0:
-            out[:, i] = at.pairs(i).shapes[:, k]
-    return out
-
-
-def _shape_difference(
-    before: NDArray[np.number], computed: NDArray[np.float64], after: NDArray[np.number]
-) -> NDArray[np.number]:
-    """Return computed less measured shape of the first state, scaled as that of the second; 0 at gaps."""
-    known = np.isfinite(before) & np.isfinite(after) & np.isfinite(computed)
-    if known.sum() < 2:
-        return np.zeros(len(after))
-    b, a, c = before[known], after[known], computed[known]
-    b = b * ((b.conj() @ a) / (b.conj() @ b))
-    c = c * ((c @ b) / (c @ c))
-    out = np.zeros(len(after), dtype=np.result_type(b, c))
-    out[known] = c - b
+def _shape_difference(measured: NDArray[np.number], computed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return measured less computed shape, scaled as the computed one; 0 at gaps."""
+    known = np.isfinite(measured)
+    out = np.zeros(len(computed))
+    b, c = measured[known], computed[known]
+    if known.sum() > 1 and (size := float((np.abs(b) ** 2).sum())) > 0:
+        out[known] = np.real(b * (b.conj() @ c) / size) - c
     return out
 
 
@@ -183,7 +176,7 @@ def second_state(
     changed = first.model.with_effect(*changes)
     problem = build_mode_problem(
         changed,
-        corrected(first, after),
+        with_first_noise(first, after),
         (),
         damping_std=damping_std,
         model_error=CHANGED * model_error,
@@ -193,7 +186,7 @@ def second_state(
         problem.damping,
         nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.zeta)[0],
     )
-    problem = replace(problem, damping=curve)
+    problem = replace(problem, damping=curve, carried=carried_modes(first, after))
     return changed, replace(problem, common=_parameters_error(first, problem))
 
 

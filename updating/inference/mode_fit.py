@@ -17,7 +17,8 @@ from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import ReducedTerm
 from fem.system import assemble
 from updating.inference.bases import BASIS_SHARE
-from updating.inference.belief import DISCREPANCY_MAX
+from updating.inference.belief import DISCREPANCY_MAX, FORM_DAMPING
+from updating.inference.carried_modes import CarriedModes
 from updating.inference.common_errors import CommonErrors
 from updating.inference.defaults import BASIS_LINES, EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
@@ -42,8 +43,12 @@ from updating.least_squares.mode_levels import ModeLevels
 
 FREQUENCY, DAMPING, SHAPE = 0, 1, 2
 """Kinds of residuals: ln f, ln ζ, and components of shapes in parts of their root mean square."""
-LARGEST_DISCREPANCY = np.array([0.01, 0.4, 0.1])
-"""Largest plausible size of what frame theory leaves of each, for the default ``model_error`` [-]."""
+LARGEST_DISCREPANCY = np.array([0.01, 0.6, 0.1])
+"""Largest plausible size of what the model leaves of each, for the default ``model_error`` [-]."""
+LEAST_DISCREPANCY = np.array([0.0, FORM_DAMPING, 0.0])
+"""The least. No theory of frames says how single modes are damped, however right it is: joints dissipate
+otherwise from mode to mode, and after each assembly (Segalman et al., *Handbook on Dynamics of Jointed
+Structures*, SAND2009-4164)."""
 MIXED = 0.003
 """Relative error of stiffness by which neighbouring modes mix, for the default ``model_error`` [-]."""
 LEAST_MIXED = 1e-4
@@ -74,12 +79,14 @@ Partners = list[tuple[int, int, DampedMode] | None]
 class ModeProblem(Problem[ModeTargets]):
     """Everything that a fit to modes needs but the candidates.
 
-    What frame theory leaves of frequencies, damping and shapes grows in proportion to the model's error.
+    What frame theory leaves of frequencies and shapes grows in proportion to the model's error.
 
     Attributes
     ----------
     common : CommonErrors or None
         Errors that the residuals of the fitted modes have in common.
+    carried : CarriedModes or None
+        What the model misses of another state's modes, and of these as far as they are the same.
     bad_prior : float
         Probability that a reading does not belong to the structure's model, whatever that is [-].
     mass : float
@@ -87,6 +94,7 @@ class ModeProblem(Problem[ModeTargets]):
     """
 
     common: CommonErrors | None = None
+    carried: CarriedModes | None = None
     bad_prior: float = 0.0
     mass: float = np.nan
 
@@ -147,7 +155,9 @@ class ModeProblem(Problem[ModeTargets]):
     @property
     def discrepancy(self) -> Floats:
         """Largest plausible size of what the form leaves of frequencies, damping and shapes, (3,) [-]."""
-        return LARGEST_DISCREPANCY * self.model_error / EXPLAINED_LEVEL
+        share = np.full(len(LARGEST_DISCREPANCY), self.model_error / EXPLAINED_LEVEL)
+        share[DAMPING] = 1.0
+        return LARGEST_DISCREPANCY * share
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return the modes that are fitted, all of them: there are few."""
@@ -161,13 +171,14 @@ class ModeProblem(Problem[ModeTargets]):
         release: Sequence[tuple[str, str]] = (),
     ) -> ParametricModes:
         """Return the model's modes as a function of parameters, for some of the measured ones."""
-        f = self.targets.frequency[modes]
-        return ParametricModes(self.reduced, self.outputs(), f, refs, effects, release)
+        f, carried = self.targets.frequency[modes], self.carried and self.carried.term(self.reduced)
+        return ParametricModes(self.reduced, self.outputs(), f, refs, effects, release, carried)
 
     def outputs(self) -> Floats:
         """Return the motions of the sensors by the basis's columns, (r, n_out)."""
         sensors = self.targets.sensors
-        return self.reduced.projected(sensors, partial(sensor_vectors, self.reduced.model, sensors))[1]
+        out = self.reduced.projected(sensors, partial(sensor_vectors, self.reduced.model, sensors))[1]
+        return out if self.carried is None else out + self.carried.outputs(self.reduced)
 
     def seen(self, at: ModesAt) -> NDArray[np.bool_]:
         """Return which computed modes the test could have measured."""
@@ -228,7 +239,8 @@ class ModeProblem(Problem[ModeTargets]):
             if (f <= 0).any():
                 return None
             refs = list(result.values)
-            at = self.parametric(self.data.fitted, refs, result.effects).at(
+            alone = replace(self, carried=None)
+            at = alone.parametric(self.data.fitted, refs, result.effects).at(
                 np.array([result.values[r] for r in refs]),
                 self.damping.ratio(self.data.frequency[self.data.fitted], result.zeta),
             )
@@ -519,6 +531,7 @@ class ModeFunction(FitFunction[ModeProblem]):
             n,
             size,
             (least**2 / parts)[kind],
+            LEAST_DISCREPANCY[kind],
             self.problem.discrepancy[kind],
             bad**2 / parts[kind],
             self.problem.bad_prior,

@@ -54,13 +54,15 @@ class ModeLevels:
         n: Floats,
         size: Floats,
         variance: Floats,
+        least: Floats,
         largest: Floats,
         bad: Floats,
         bad_prior: float = 0.0,
     ) -> "ModeLevels":
-        """Return levels whose discrepancy may be of any order of magnitude up to the largest."""
-        share = np.append(0.0, np.geomspace(0.02, 1.0, 12))
-        return cls(kind, n, size, variance, np.square(np.outer(largest, share)), bad, bad_prior)
+        """Return levels whose discrepancy may be of any order of magnitude between two sizes, (n_groups,)."""
+        share = np.append(0.0, np.geomspace(0.02, 1.0, 12)) ** 2
+        low, high = least[:, None] ** 2, largest[:, None] ** 2
+        return cls(kind, n, size, variance, low + (high - low) * share, bad, bad_prior)
 
     @property
     def noise(self) -> Floats:
