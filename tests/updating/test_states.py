@@ -52,22 +52,21 @@ def test_of_a_model_that_fits_to_the_noise_little_is_subtracted():
     model = cantilever()
     before, after = frequencies(model, rng), frequencies(model, rng)
     first = calibrate(model, before, UNCERTAIN, model_error=0.0)
-    assert first.form_share[0] < 0.2
+    assert first.form_share[0].max() < 0.2
     carried = carried_modes(first, after)
     eigenvalues = (2 * np.pi * after.frequency) ** 2
     assert np.abs(carried.stiffness / eigenvalues).max() / 2 < 0.4 * NOISE
 
 
-@pytest.mark.parametrize("model_error", [0.0, 0.3])
-def test_what_no_parameter_explains_is_carried_from_one_state_to_the_other(model_error):
+def test_what_no_parameter_explains_is_carried_from_one_state_to_the_other():
     rng = np.random.default_rng(2)
-    true, model = cantilever(mass=0.3), cantilever()
+    true, model = cantilever(mass=0.1), cantilever()
     before, after = frequencies(true, rng), frequencies(true, rng)
-    first, _, problem = changed_problem(model, before, after, UNCERTAIN, model_error=model_error)
-    assert first.form_share[0] > 0.9
+    first, _, problem = changed_problem(model, before, after, UNCERTAIN)
+    assert first.form_share[0].min() > 0.9
     left = np.log(after.frequency / problem.computed(problem.nominal()).frequency)
-    assert np.abs(np.log(before.frequency / first.computed.frequency)).max() > 10 * NOISE
-    assert np.abs(left).max() < 5 * NOISE
+    assert np.abs(np.log(before.frequency / first.computed.frequency)).max() > 5 * NOISE
+    assert np.abs(left).max() < 3 * NOISE
 
 
 @pytest.mark.parametrize("mass", [0.1, 0.3, 1.0])
@@ -89,7 +88,7 @@ def test_what_the_first_state_misses_follows_modes_that_a_change_mixes(mass):
 
 
 def test_shapes_and_damping_that_the_first_state_misses_are_carried_too():
-    """A sensor that reads 10 % too much, and one mode that is damped twice as much."""
+    """A sensor that reads 10 % too much, and one mode that is damped half as much again."""
     model = beam(8, effects=(fix(0),), theory="timoshenko").with_damping(Damping.modal(0.01))
     points = [1, 3, 5, 7]
     sensors = [Sensor(f"s{p}", model.mesh.points[p], np.array([0.0, 1.0, 0.0])) for p in points]
@@ -97,14 +96,14 @@ def test_shapes_and_damping_that_the_first_state_misses_are_carried_too():
     motion = true.shapes[[6 * p + 1 for p in points]]
     n = np.flatnonzero(np.abs(motion).max(axis=0) > 1e-2)[:3]
     shapes = motion[:, n] * np.array([[1.1], [1.0], [1.0], [1.0]])
-    zeta = np.array([0.01, 0.02, 0.01])
+    zeta = np.array([0.01, 0.015, 0.01])
     state = ModeTargets.of(
         true.frequency[n], 1e-4, zeta=zeta, zeta_std=0.01, shapes=shapes, shape_std=1e-3, sensors=sensors
     )
     first, _, problem = changed_problem(model, state, state)
     assert problem.carried is not None
     found = problem.computed(problem.nominal())
-    assert first.computed.zeta[1] < 0.017
+    assert first.computed.zeta[1] < 0.013
     np.testing.assert_allclose(found.zeta, zeta, rtol=0.03)
     assert first.computed.mac.min() < 0.999
     assert found.mac.min() > 0.99999
@@ -151,6 +150,18 @@ def poor():
         cantilever(), frequencies(cantilever(mass=0.3), np.random.default_rng(6)), UNCERTAIN, model_error=0.0
     )
     return judged(first, ["point_mass"], say=lambda text, done: None)
+
+
+def test_a_bad_reading_of_the_first_state_is_not_carried():
+    rng, model = np.random.default_rng(8), cantilever()
+    before, after = frequencies(model, rng), frequencies(model, rng)
+    misread = before.frequency * np.array([1, 1, 1, 0.93, 1, 1])
+    first, _, problem = changed_problem(model, ModeTargets.of(misread, NOISE), after, UNCERTAIN)
+    assert first.bad[0].argmax() == 3
+    assert first.bad[0, 3] > 0.99
+    found = problem.computed(problem.nominal()).frequency
+    assert np.abs(np.log(found / after.frequency)).max() < 5 * NOISE
+    assert problem.targets.frequency_std[3] > problem.targets.frequency_std[2]
 
 
 def test_what_both_states_lack_is_a_model_of_the_first(poor):

@@ -36,7 +36,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.fitting import fit
 from updating.inference.formed import Formed, formed_mode_problem
 from updating.inference.heartbeat import Progress
-from updating.inference.mode_fit import ModeProblem
+from updating.inference.mode_fit import BAD_PRIOR, ModeProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
@@ -59,6 +59,7 @@ def calibrate(
     problem, made = formed_mode_problem(
         model, before, nuisances, damping_std=damping_std, model_error=model_error
     )
+    problem = replace(problem, bad_prior=BAD_PRIOR)
     return _with_enriched_basis(problem, made, fit(problem))
 
 

@@ -54,7 +54,7 @@ from updating.inference.mode_fit import (
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
-from updating.least_squares.mode_levels import ModeLevels
+from updating.least_squares.mode_levels import MEAN_SQUARE, ModeLevels
 
 MOST_NAMED = 3
 """Modes that are named as missed."""
@@ -91,19 +91,39 @@ class Calibrated:
 
     @property
     def form_share(self) -> NDArray[np.float64]:
-        """Share of the residuals that is the model's error: of frequencies, damping and shapes, (3,) [-].
+        """Share of each residual that is the model's error: of frequencies, damping and shapes, (3, n) [-].
 
         By the size of the residuals, also where a study says that the form is right: what the model lacks in
-        the first state, it lacks in the second one.
+        the first state, it lacks in the second one. 0 where nothing was measured.
         """
+        return self._by_reading(self._levels.discrepancy_share(self.fitted.misfit))
+
+    @property
+    def form_error(self) -> NDArray[np.float64]:
+        """Standard deviation of the model's error of frequencies, damping and shapes, (3,) [-].
+
+        As the residuals show it; of what was not measured at all as it may be.
+        """
+        squares = self._by_reading(self._levels.discrepancy_square(self.fitted.misfit)).max(axis=1)
+        prior = MEAN_SQUARE * self.problem.discrepancy**2
+        return np.sqrt(np.where(np.isin(np.arange(len(prior)), self._levels.kind), squares, prior))
+
+    @property
+    def bad(self) -> NDArray[np.float64]:
+        """Probability that readings of frequencies, damping and shapes do not belong, (3, n); 1 of none."""
+        return 1 - self._by_reading(1 - self._levels.is_bad(self.fitted.misfit))
+
+    @property
+    def _levels(self) -> ModeLevels:
         fit = self.fitted.levels
         assert isinstance(fit, ModeLevels)
-        out = np.zeros(len(LARGEST_DISCREPANCY))
         sizes = (each[fit.kind] for each in (LEAST_DISCREPANCY, LARGEST_DISCREPANCY))
-        levels = ModeLevels.up_to(
-            fit.kind, fit.n, fit.size, fit.variance, *sizes, fit.bad, fit.bad_prior
-        )
-        out[fit.kind] = levels.discrepancy_share(self.fitted.misfit)
+        return ModeLevels.up_to(fit.kind, fit.n, fit.size, fit.variance, *sizes, fit.bad, fit.bad_prior)
+
+    def _by_reading(self, of_groups: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.zeros((len(LARGEST_DISCREPANCY), self.problem.targets.n))
+        for reading, value in zip(self.problem.readings(), of_groups, strict=True):
+            out[reading.kind, reading.mode] = value
         return out
 
 

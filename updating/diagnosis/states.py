@@ -7,8 +7,9 @@ the second state's residuals are
 
     r' = k r + (1 - k) J ε + n' + √k σ ξ,  ξ ~ N(0, 1).
 
-So k r is carried over: as a change of the calibrated model's matrices in its modes, which mix with each
-other as the second state's do. ε remains uncertain as the first state has left it, and acts on all modes together.
+So k r is carried over, as a change of the calibrated model's matrices in its modes
+(:mod:`updating.inference.carried_modes`). ε remains uncertain as the first state has left it, and acts on
+all modes together.
 
 Where the first state says that the model lacks something, δ is no constant: see
 :mod:`updating.diagnosis.baseline`.
@@ -40,12 +41,12 @@ from updating.diagnosis.mode_diagnosis import (
     concluded,
     searched_modes,
 )
+from updating.diagnosis.mode_table import HALF
 from updating.inference.carried_modes import CarriedModes
 from updating.inference.common_errors import CommonErrors
 from updating.inference.defaults import EXPLAINED_LEVEL
-from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress
-from updating.inference.mode_fit import SHAPE, ModeProblem, matched_modes
+from updating.inference.mode_fit import BAD_PRIOR, FREQUENCY, SHAPE, ModeProblem, matched_modes
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import FAR, LIKENESS, ModeTargets, mac_of
 from updating.inference.parameters import Nuisance
@@ -59,7 +60,7 @@ def carried_modes(calibrated: Calibrated, after: ModeTargets) -> CarriedModes:
     nothing.
     """
     problem, fitted = calibrated.problem, calibrated.fitted
-    before, (of_f, of_zeta, of_shape) = problem.targets, calibrated.form_share
+    before, (of_f, of_zeta, of_shape) = problem.targets, calibrated.form_share * (1 - calibrated.bad)
     computed, refs, every = calibrated.computed, list(fitted.values), np.arange(problem.targets.n)
     at = problem.parametric(every, refs, fitted.effects).at(
         np.array([fitted.values[r] for r in refs]),
@@ -74,34 +75,34 @@ def carried_modes(calibrated: Calibrated, after: ModeTargets) -> CarriedModes:
     phi = basis.T @ np.stack(x, axis=1) if x else np.zeros((len(basis.T), 0))
     forces = np.asarray(system.Q @ (system.M @ (system.Q.T @ phi)))
     forces = forces / (phi * forces).sum(axis=0)
-    moved = lam * ((before.frequency / computed.frequency)[some] ** (2 * of_f) - 1)
+    moved = lam * ((before.frequency / computed.frequency)[some] ** (2 * of_f[some]) - 1)
     ratio = np.where(np.isfinite(before.zeta) & (computed.zeta > 0), before.zeta / computed.zeta, 1.0)[some]
-    lost = 2 * computed.zeta[some] * (ratio**of_zeta - 1) * (lam + moved)
+    lost = 2 * computed.zeta[some] * (ratio ** of_zeta[some] - 1) * (lam + moved)
     shapes = np.zeros((len(after.sensors), len(some)))
     if same_sensors(before, after):
         there = [p.shapes[:, partner[i]] for p, i in zip(pairs, some, strict=True)]
         each = [_shape_difference(before.shapes[:, i], c) for i, c in zip(some, there, strict=True)]
-        shapes = of_shape * np.array(each).T.reshape(shapes.shape)
+        shapes = of_shape[some] * np.array(each).T.reshape(shapes.shape)
     return CarriedModes(forces, moved, lost, shapes)
 
 
-def with_first_noise(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
-    """Return the second state's modes with variances that have the first state's, by the same shares."""
-    before, (of_f, of_zeta, of_shape) = calibrated.problem.targets, calibrated.form_share
-    k = _common_modes(calibrated, after)
-    known, alike = k >= 0, same_sensors(before, after)
-    of_shape = of_shape if alike else 0.0
-    damped = known & np.isfinite(before.zeta[k])
+def with_first_errors(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
+    """Return the second state's modes with variances that have what is not known of the model's error.
 
-    def both(std: NDArray[np.float64], first: NDArray[np.float64], share: float, there: NDArray[np.bool_]) -> Any:
-        return np.where(there, np.hypot(std, np.sqrt(share) * first[k]), std)
-
-    return replace(
-        after,
-        frequency_std=both(after.frequency_std, before.frequency_std, of_f, known),
-        zeta_std=both(after.zeta_std, before.zeta_std, of_zeta, damped),
-        shape_std=both(after.shape_std, before.shape_std, of_shape, known),
+    That is the first state's noise, by the share that was carried over; all of the model's error where the
+    first state has no reading, or a bad one.
+    """
+    before, k = calibrated.problem.targets, _common_modes(calibrated, after)
+    known = np.array([k >= 0, k >= 0, (k >= 0) & same_sensors(before, after)])
+    unknown = np.where(known, calibrated.bad[:, k], 1.0)
+    noise = (
+        calibrated.form_share[:, k]
+        * np.square([before.frequency_std, before.zeta_std, before.shape_std])[:, k]
     )
+    more = (1 - unknown) * noise + unknown * calibrated.form_error[:, None] ** 2
+    stds = np.square([after.frequency_std, after.zeta_std, after.shape_std])
+    f, zeta, shape = np.sqrt(stds + more)
+    return replace(after, frequency_std=f, zeta_std=zeta, shape_std=shape)
 
 
 def _common_modes(calibrated: Calibrated, after: ModeTargets) -> NDArray[np.int64]:
@@ -176,7 +177,7 @@ def second_state(
     changed = first.model.with_effect(*changes)
     problem = build_mode_problem(
         changed,
-        with_first_noise(first, after),
+        with_first_errors(first, after),
         (),
         damping_std=damping_std,
         model_error=CHANGED * model_error,
@@ -186,7 +187,7 @@ def second_state(
         problem.damping,
         nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.zeta)[0],
     )
-    problem = replace(problem, damping=curve, carried=carried_modes(first, after))
+    problem = replace(problem, damping=curve, carried=carried_modes(first, after), bad_prior=BAD_PRIOR)
     return changed, replace(problem, common=_parameters_error(first, problem))
 
 
@@ -210,11 +211,11 @@ def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors |
     # Units of x may differ between the two problems: the covariance is that of values.
     size, Q = np.linalg.eigh(first.fitted.covariance[:n, :n])
     errors = (Q * np.sqrt(np.maximum(size, 0.0))).T @ (J[:n] / function.units[:n, None])
-    known = _common_modes(first, problem.targets)[function.mode_of] >= 0
-    share = first.form_share[function.kinds]
+    k = _common_modes(first, problem.targets)[function.mode_of]
+    share = np.where(k >= 0, (first.form_share * (1 - first.bad))[function.kinds, k], 0.0)
     if not same_sensors(first.problem.targets, problem.targets):
         share = np.where(function.kinds == SHAPE, 0.0, share)
-    return CommonErrors.of(function.least_deviations, errors * np.where(known, 1 - share, 1.0))
+    return CommonErrors.of(function.least_deviations, errors * (1 - share))
 
 
 def diagnose_change(
@@ -288,10 +289,11 @@ def _worst(base: Calibrated) -> str:
 
 def _notes_on(baseline: Baseline, base: Calibrated) -> tuple[str, ...]:
     """Return what a reader should know of the first state."""
-    level = 100 * base.fitted.level
+    level, believed = 100 * base.fitted.level, base.bad[FREQUENCY] < HALF
+    share = float(base.form_share[FREQUENCY, believed].mean()) if believed.any() else 0.0
     subtracted = (
         f"the calibrated model misses the first state's frequencies by {level:.2g} %{_worst(base)}; "
-        f"model error has {percent(base.form_share[0])} of the residuals' variance, and that share was "
-        "subtracted from the second state"
+        f"model error has {percent(share)} of the residuals' variance, and that share was carried over to "
+        "the second state"
     )
     return (*baseline.texts, subtracted)

@@ -4,8 +4,8 @@ With modes φ_r of the calibrated model, φᵀMφ = 1, the measured modes of tha
 
     K + Σ_r Δ_r Mφ_r φ_rᵀM,   D + Σ_r ε_r Mφ_r φ_rᵀM,   y = Cx + Σ_r d_r φ_rᵀM x:
 
-eigenvalues λ_r + Δ_r, losses 2 ζ_r λ_r + ε_r, and shapes Cφ_r + d_r at the sensors. In another state each mode
-is a mixture of these, and takes as much of each deviation as it has of the mode.
+eigenvalues λ_r + Δ_r, losses 2 ζ_r λ_r + ε_r, and shapes Cφ_r + d_r at the sensors. In another state each
+mode is a mixture of these, and takes as much of each deviation as it has of the mode.
 """
 
 from __future__ import annotations

@@ -7,6 +7,11 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+SHARES = np.append(0.0, np.geomspace(0.02, 1.0, 12))
+"""Sizes of a discrepancy between the least and the largest, all as probable [-]."""
+MEAN_SQUARE = float((SHARES**2).mean())
+"""Their mean square."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModeLevels:
@@ -60,9 +65,8 @@ class ModeLevels:
         bad_prior: float = 0.0,
     ) -> "ModeLevels":
         """Return levels whose discrepancy may be of any order of magnitude between two sizes, (n_groups,)."""
-        share = np.append(0.0, np.geomspace(0.02, 1.0, 12)) ** 2
         low, high = least[:, None] ** 2, largest[:, None] ** 2
-        return cls(kind, n, size, variance, low + (high - low) * share, bad, bad_prior)
+        return cls(kind, n, size, variance, low + (high - low) * SHARES**2, bad, bad_prior)
 
     @property
     def noise(self) -> Floats:
