@@ -117,6 +117,7 @@ extras: $(DEV) requirements-extras.lock
 # each prints its own table; docs/benchmarks.md says what they show
 BENCHMARKS := assembly modes frf engine sensitivity updating modal_identification joint_speed joint_noise loading
 bench: $(READY)
+	$(IN) python -m benchmarks.machine
 	$(IN) for name in $(BENCHMARKS); do echo "── benchmarks.$$name"; python -m benchmarks.$$name || exit 1; done
 
 peers: $(PEERS_READY)

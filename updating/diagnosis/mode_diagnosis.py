@@ -378,7 +378,26 @@ def _reason(d: ModeDiagnosis) -> str:
         text = f"{shared}{none}; the {which}, {percent(d.reported.probability)}: {text}"
     elif n > 1 and d.verdict != UNEXPLAINED:
         text = f"{text}; {shared}"
-    return "; ".join([text, *(b.text for b in d.bad_readings)])
+    return "; ".join([text, *_unexplained(d), *(b.text for b in d.bad_readings)])
+
+
+def _unexplained(d: ModeDiagnosis) -> tuple[str, ...]:
+    """Return which readings the best explanation leaves, where it explains too little."""
+    if d.verdict != UNEXPLAINED:
+        return ()
+    problem, lead, f = d.problem, d.searched.lead, d.problem.targets.frequency
+    beyond = np.sqrt(lead.fitted.misfit / problem.allowed_squares)
+    readings = problem.readings()
+    worst = [k for k in np.argsort(-beyond)[:MOST_NAMED] if beyond[k] > 1]
+    if not worst:
+        return ()
+    modes = [f"mode {readings[k].mode + 1} ({f[readings[k].mode]:.5g} Hz)" for k in worst]
+    each = [
+        f"of the {readings[k].words} of {m} {beyond[k]:.2g} times as much"
+        for k, m in zip(worst, modes, strict=True)
+    ]
+    what = labels(lead.effects) if lead.effects else "the fitted model"
+    return (f"{what} leaves more than a right model may: {', '.join(each)}",)
 
 
 def _lead_error(d: ModeDiagnosis) -> str:
