@@ -41,7 +41,9 @@ def kernels(flags: set[str]) -> list[str]:
 
 def main() -> None:
     """Print a line for each."""
-    asked = subprocess.run(["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=False)
+    asked = subprocess.run(
+        ["git", "describe", "--always", "--dirty"], capture_output=True, text=True, check=False
+    )
     name, flags = processor()
     print(f"commit {asked.stdout.strip() or 'unknown'}, Python {sys.version.split()[0]}, ", end="")
     print(f"NumPy {np.__version__}, SciPy {scipy.__version__}")
