@@ -175,8 +175,8 @@ def summary(some: list[Compared]) -> str:
         f"{np.quantile([c.fitted / c.forecast for c in some], q):.2f}" for q in (0.25, 0.5, 0.75)
     )
     return (
-        f"{gains} gains within 3 nats or 15 %, quartiles of the ratio {ratio}; {stds} standard deviations within "
-        f"20 %; {sum(alike)} of {len(alike)} likenesses within 0.05"
+        f"{gains} gains within 3 nats or 15 %, quartiles of the ratio {ratio}; {stds} standard deviations "
+        f"within 20 %; {sum(alike)} of {len(alike)} likenesses within 0.05"
     )
 
 
