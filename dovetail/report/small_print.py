@@ -32,7 +32,9 @@ MODULES = (
 MODULES_OF_MODES = (
     "updating.inference.belief",
     "updating.diagnosis.evidence.search",
+    "updating.diagnosis.evidence.screening",
     "updating.diagnosis.evidence.mode_ranking",
+    "updating.inference.mode_changes",
     "updating.diagnosis.verdict",
     "updating.diagnosis.mode_table",
     "updating.diagnosis.mode_diagnosis",

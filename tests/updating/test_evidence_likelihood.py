@@ -15,7 +15,7 @@ from fem.reduction import LocalChanges
 from tests.frames import write_study
 from tests.noise import complex_normal
 from updating import assessed_fit, build_problem
-from updating.diagnosis.evidence import FrfRanking, Search, Start
+from updating.diagnosis.evidence import Ranking, Search, Start
 from updating.inference import FORM_DAMPING, FORM_MODES, direct_responses, scatter_of
 from updating.least_squares import Levels
 
@@ -185,7 +185,7 @@ def test_deviations_of_modes_are_those_of_single_modes(problem, fitted, kind):
 
 
 def test_eigenvalues_are_uncertain_where_the_form_is_not_right(problem, fitted):
-    exact, real = (FrfRanking().scatter(replace(problem, model_error=e), fitted) for e in (0.0, 0.3))
+    exact, real = (Ranking().scatter(replace(problem, model_error=e), fitted) for e in (0.0, 0.3))
     n = len(exact.std) - len(problem.reduced.model.mesh.members)
     np.testing.assert_array_equal(exact.std[:n], FORM_DAMPING)
     np.testing.assert_array_equal(real.std, [*[real.eigenvalue] * n, *exact.std, *[1.0] * real.n_channels])

@@ -36,7 +36,8 @@ class Hidden:
 def test_slopes_from_the_responses_at_all_dofs_are_those_of_small_changes(prepared):
     _, problem, null, candidates = prepared
     look = Look.of(problem, null, 12, 6, 10**6)
-    local, fields = look._local(()), look.fields()
+    local = look.residuals.solved(())
+    fields = local.fields()
     kinds = set()
     for effect in candidates:
         if effect.released() or effect.kind in kinds or effect.is_form:
@@ -58,9 +59,9 @@ def test_each_grid_begins_where_the_effect_is_hardly_seen(prepared):
     look = Look.of(problem, problem.nominal(), 44, 24, 700)
     for effect in candidates:
         grid = Grid.of(problem, effect)
-        r = look._residuals(look._local(effect.released()).with_terms(grid.terms(problem)))
-        left = look.adapted((r - look._now)[:, look.full_band])
-        change = level(left[:, : look.full_band.sum()])
+        r = look.residuals.residuals(look.residuals.solved(effect.released()).with_terms(grid.terms(problem)))
+        left = look.adapted((r - look.residuals.now)[:, look.residuals.full_band])
+        change = level(left[:, : look.residuals.full_band.sum()])
         # beside what uncertain parameters imitate; tension makes a free member a pendulum: 0.11 for the least
         assert change.min() < 0.12, effect.name
 
@@ -77,12 +78,12 @@ def test_what_a_hinge_does_is_seen_on_members_that_are_not_nominal(prepared):
         softest = sorted(Grid.of(problem, effect).points, key=lambda p: (-p["compliance"], p["position"]))[1]
         grid = Grid(effect, (softest,))
         look = Look.of(problem, base, 44, 0, 10**6)
-        (seen_as,) = look._local(()).with_terms(candidate_terms(look.problem, look.base, grid))
+        (seen_as,) = look.residuals.solved(()).with_terms(candidate_terms(look.problem, look.base, grid))
         there = effect.with_values(**softest)
         on_it = replace(problem, reduced=problem.reduced.with_forces_of([there]))
         values = {**base.values, **{(effect.name, k): v for k, v in softest.items()}}
-        true = on_it.receptance(replace(base, effects=(there,), values=values), look.lines)
-        without = problem.receptance(base, look.lines)
+        true = on_it.receptance(replace(base, effects=(there,), values=values), look.residuals.lines)
+        without = problem.receptance(base, look.residuals.lines)
         change, seen_change = (np.abs(np.log(H / without)).mean() for H in (true, seen_as))
         assert seen_change == pytest.approx(change, rel=0.08)
         seen += change > 0.05
@@ -100,7 +101,7 @@ def test_what_takes_more_mass_away_than_there_is_is_never_the_best(prepared):
     base = replace(nominal, effects=(light,), values=values)
     grid = Grid(member, ({"change": -0.5}, {"change": 0.1}))
     look = Look.of(mine, base, 44, 24, 700)
-    gone, there = look._local(()).with_terms(candidate_terms(look.problem, look.base, grid))
+    gone, there = look.residuals.solved(()).with_terms(candidate_terms(look.problem, look.base, grid))
     assert np.isnan(gone).all()
     assert np.isfinite(there).all()
     levels = look.levels(grid)
@@ -120,11 +121,10 @@ def test_a_point_is_scaled_between_absent_and_itself(prepared):
             assert gone == pytest.approx(min(first.absent, first.upper), rel=1e-9, abs=1e-12) or gone > 1e10
 
 
-def test_the_short_list_has_the_right_candidate(prepared, monkeypatch):
+def test_the_short_list_has_the_right_candidate(prepared):
     case, problem, null, candidates = prepared
-    monkeypatch.setattr(listing, "N_LISTED", 5)
     grids = [Grid.of(problem, e) for e in candidates]
-    listed = listing.shortlist(problem, (null, problem.at_nominal(null)), grids)
+    listed = listing.shortlist(problem, (null, problem.at_nominal(null)), grids, 5)
     assert len(listed) < 0.6 * len(grids)
     assert case.hidden.name in {grids[i].effect.name for i in listed}
     first = screen(problem, (null, problem.at_nominal(null)), [grids[i] for i in listed], far=True)[:5]
@@ -142,8 +142,7 @@ def test_of_very_many_rivals_a_short_list_is_looked_at(prepared, monkeypatch):
         Look, "levels", lambda look, grid: looked.append(grid.effect.name) or levels(look, grid)
     )
     monkeypatch.setattr(listing, "MOST_RIVALS", 10)
-    monkeypatch.setattr(listing, "N_LISTED", 5)
-    found = listing.rivals(problem, best, grids, NORMAL.n_rivals)
+    found = listing.rivals(problem, best, grids, NORMAL.n_rivals, 5)
     assert len(looked) < 0.6 * len(grids)
     assert (case.hidden.kind, case.hidden.where) in {(c.effect.kind, c.effect.where) for c in found}
 
@@ -188,8 +187,8 @@ def test_an_uncertain_parameter_does_not_hide_the_effect_that_takes_its_place():
         if not set(effect.replaces()) & uncertain:
             continue
         near = grid.slight_points()[0][0]
-        (H,) = look._local(()).with_terms([problem.reduced.value_of(effect.with_values(**near))])
-        change = look._residuals([H]) - look._now
+        (H,) = look.residuals.solved(()).with_terms([problem.reduced.value_of(effect.with_values(**near))])
+        change = look.residuals.residuals([H]) - look.residuals.now
         seen = [look.adapted(change, replaced) for replaced in ((), effect.replaces())]
         trust = np.sqrt(look.weights)  # what the adaptation makes least
         size = [np.linalg.norm(trust * each) for each in seen]

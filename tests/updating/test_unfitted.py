@@ -8,6 +8,7 @@ from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating import build_mode_problem, diagnose_modes, propose
 from updating.diagnosis import weigh_unfitted
 from updating.diagnosis.evidence import ModeRanking, Search, values_of
+from updating.forecast import Forecast
 from updating.inference import EffectPrior, ModeProblem
 from updating.least_squares import ModeLevels
 
@@ -54,12 +55,15 @@ def test_evidence_by_slopes_is_that_of_a_fit_where_effects_are_weak(kind):
     search, nothing = begun([kind])
     problem = search.fits.problem
     assert isinstance(problem, ModeProblem)
-    looked = ModeRanking().looked(problem, nothing.fitted, search.candidates)
-    assert looked
-    for effect, look in looked:
+    forecast = Forecast.at(problem, nothing.fitted, search.candidates)
+    seen = np.flatnonzero(np.isfinite(forecast.best_gains)).tolist()
+    assert seen
+    for k in seen:
+        i = forecast.best_place(k)
+        effect = search.candidates[k].with_values(**forecast.estimate(i)[0])
         fit = search.full((effect,), values_of((effect,)), nothing).fitted
         gain = fit.log_evidence - nothing.fitted.log_evidence
-        assert look.evidence == pytest.approx(gain, abs=0.4)
+        assert forecast.log_evidence[k] == pytest.approx(gain, abs=0.4)
 
 
 def test_all_that_the_data_see_has_a_probability_beside_nothing():

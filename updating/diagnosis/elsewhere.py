@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
-from updating.diagnosis.evidence.mode_ranking import ModeLook
 from updating.diagnosis.evidence.search import Search
 from updating.forecast.grid import Grid
+from updating.forecast.look import Look
 from updating.inference.belief import TWIN_NATS
 from updating.inference.mode_fit import ModeProblem
 
@@ -65,7 +65,8 @@ def _other_positions(search: Search[ModeProblem], h: Hypothesis, effect: Effect)
     if position is None:
         return []
     grid = Grid.of(problem, effect)
-    misfit = ModeLook.of(problem, h.fitted.without(effect.name), all_belong=True).residual_squares_at(grid)
+    look = Look.of(problem, h.fitted.without(effect.name), None, 0, 0).with_all_readings()
+    misfit = look.levels(grid)[0]
     at = np.array([point[position.name] for point in grid.points])
     places = np.unique(at)
     best = [min(np.flatnonzero(at == place), key=lambda k: misfit[k]) for place in places]

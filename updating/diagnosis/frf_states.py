@@ -20,7 +20,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.carried import Between, CalibratedFrfs, carried_over
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import Searched, search_of_problem
-from updating.diagnosis.evidence.ranking import FrfRanking
+from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.bases import N_BASES
 from updating.inference.belief import UNKNOWN_ODDS
 from updating.inference.defaults import EXPLAINED_LEVEL
@@ -150,7 +150,7 @@ def search_change(
     budget : Budget
     """
     formed = Formed(changed, changed, (), first.mesh_db)
-    ranking = FrfRanking(form_share=between.form_share)
+    ranking = Ranking(form_share=between.form_share)
     searched = search_of_problem(
         problem, formed, candidates, ranking=ranking, progress=progress, crew=crew, budget=budget
     )
@@ -167,7 +167,7 @@ def poor_baseline(first: CalibratedFrfs) -> tuple[str, ...]:
     It does not where what the library does not have would be the more probable explanation of that state.
     """
     problem, result = first.problem, first.result
-    if result.levels is None or result.gain_to(FrfRanking().allowed_squares(problem)) <= UNKNOWN_ODDS:
+    if result.levels is None or result.gain_to(problem.allowed_squares()) <= UNKNOWN_ODDS:
         return ()
     lines = problem.lines_up_to(np.inf, FULL_LINES)
     band, f = problem.band_of(lines), problem.data.frequency[lines]

@@ -13,11 +13,12 @@ from fem.model import Effect
 from fem.summary import fields_summary
 from updating.correlation import compare
 from updating.diagnosis.candidates import propose
-from updating.forecast.forecast import Forecast, n_lines
+from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
 from updating.forecast.look import Look
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.frf_changes import n_lines
 
 LEAST_SHARE = 0.1
 """Shares say something of the place if one of them is at least this [-]."""

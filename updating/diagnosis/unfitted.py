@@ -6,8 +6,9 @@ import numpy as np
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Hypothesis, key_of, values_of
-from updating.diagnosis.evidence.mode_ranking import ModeRanking, SmallModeChange
 from updating.diagnosis.evidence.search import Search
+from updating.forecast.forecast import Forecast
+from updating.forecast.grid import Grid
 from updating.inference.belief import TWIN_NATS
 from updating.inference.mode_fit import ModeProblem
 
@@ -34,23 +35,31 @@ def weigh_unfitted(search: Search[ModeProblem]) -> None:
 
 
 def looked_at(search: Search[ModeProblem]) -> list[Hypothesis]:
-    """Return hypotheses of one effect that were not fitted, to the first order, the most probable first."""
+    """Return hypotheses of one effect that were not fitted, to the first order, the most probable first.
+
+    Of those that the data see.
+    """
     problem, nothing = search.fits.problem, search.known[frozenset()]
     rest = [e for e in search.candidates if key_of((e,)) not in search.known]
-    looked = ModeRanking().looked(problem, nothing.fitted, rest)
-    return sorted((_estimated(search, nothing, e, x) for e, x in looked), key=lambda h: -h.score)
+    grids = [g for e in rest if (g := Grid.of(problem, e)).points]
+    forecasts, out = Forecast.several(problem, nothing.fitted, grids), []
+    for k, grid in enumerate(grids):
+        forecast = max(
+            forecasts, key=lambda f: f.log_evidence[k] if np.isfinite(f.best_gains[k]) else -np.inf
+        )
+        if np.isfinite(forecast.best_gains[k]):
+            out.append(_estimated(search, nothing, grid.effect, forecast, k))
+    return sorted(out, key=lambda h: -h.score)
 
 
-def _estimated(search: Search, nothing: Hypothesis, effect: Effect, look: SmallModeChange) -> Hypothesis:
-    """Return a hypothesis with one effect, as its slopes have it."""
-    before = nothing.fitted
-    values = {(effect.name, name): value for name, value in look.values.items()}
-    std = {(effect.name, name): value for name, value in look.std.items()}
+def _estimated(search: Search, nothing: Hypothesis, effect: Effect, forecast: Forecast, k: int) -> Hypothesis:
+    """Return a hypothesis with one effect, the k-th of a forecast."""
+    before, (values, std) = nothing.fitted, forecast.estimate(forecast.best_place(k))
     fitted = replace(
         before,
-        effects=(effect,),
-        values={**before.values, **values},
-        std={**before.std, **std},
-        log_evidence=before.log_evidence + look.evidence,
+        effects=(effect.with_values(**values),),
+        values={**before.values, **{(effect.name, name): value for name, value in values.items()}},
+        std={**before.std, **{(effect.name, name): value for name, value in std.items()}},
+        log_evidence=before.log_evidence + float(forecast.log_evidence[k]),
     )
     return Hypothesis(fitted, search.fits.odds.prior((effect,)))

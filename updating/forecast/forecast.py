@@ -1,35 +1,29 @@
 """What each of many candidates would do to the data of a fit: gain, standard deviation, likeness.
 
-To first order in the effect and in all that varies beside it. The change of the receptances by a little of an
-effect is -Hₒ ΔZ Hᵢ, from the responses at all DOFs and the effect's own few element matrices, so that no
-candidate is projected. What uncertain parameters, the form, damping and channels could do of it is taken away
-with their priors. The rest, v in whitened residuals, makes the effect known to ± 1/|v|: of size a it gains
-½ (a |v|)² nats over a model without it, and of that the share 1 - cos² over one with another effect.
+To first order in the effect and in all that varies with it. What uncertain parameters, the form, damping and
+channels could do of the change by a little of an effect is taken away with their priors. The rest, v in
+whitened residuals, makes the effect known to ± 1/|v|: of size a it gains ½ (a |v|)² nats over a model without
+it, and of that the share 1 - cos² over one with another effect.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef
-from fem.reduction.local_changes import Fields
 from updating.forecast.grid import Grid, Little
 from updating.forecast.look import Complexes, Floats, Look
 from updating.forecast.sizes import Sizes
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.fitting import FULL_LINES
 from updating.inference.heartbeat import beat
+from updating.inference.problem import Problem
 
 MOST_VALUES, MOST_COMPARED = 10_000, 3_000
 """Largest number of values of FRFs that are used for gains, and where changes are kept to be compared."""
-MOST_RESPONSES = 20_000_000
-"""Largest number of responses of all DOFs, to sensors and forces at all lines, that are kept."""
-LEAST_LINES = 12
-"""Lines that are kept of them in any case."""
 ROUNDING = 1e-9
 """Changes of residuals by the largest plausible size below this are none [nepers]."""
 LEAST_SQUARE = 1e-300
@@ -58,8 +52,11 @@ class Forecast:
     precision : ndarray (n,)
         1 / standard deviation of the multiple: |v|.
     cost, factor : ndarray (n,)
-        Negative log posterior that the best multiple leaves of the data, infinite where it is invisible, and
-        that multiple.
+        Negative log posterior that the best multiple leaves of the data, infinite where the data do not see
+        the largest plausible one, and that multiple.
+    evidence, sharpness : ndarray (n,)
+        By how much the best multiple raises the log evidence, were its size known, and 1 / standard deviation
+        of the multiple at the level of error that it leaves.
     share : ndarray (n,)
         Part of the sum of the squared whitened residuals that the best multiple takes away [-].
     low : ndarray (n,)
@@ -78,6 +75,8 @@ class Forecast:
     precision: Floats
     cost: Floats
     factor: Floats
+    evidence: Floats
+    sharpness: Floats
     share: Floats
     low: Floats
     vectors: Floats = field(repr=False)
@@ -86,7 +85,7 @@ class Forecast:
     @classmethod
     def at(
         cls,
-        problem: FitProblem,
+        problem: Problem[Any],
         base: FitResult,
         candidates: Sequence[Effect],
         *,
@@ -98,9 +97,17 @@ class Forecast:
     ) -> "Forecast":
         """Return what candidates would do at a fit; parameters as of :meth:`of` and of :meth:`Look.of`."""
         most = MOST_COMPARED if vectors else MOST_VALUES
-        look = Look.of(problem, base, n_lines(problem), 0, most, besides, bounded=bounded)
+        look = Look.of(problem, base, None, 0, most, besides, bounded=bounded)
         grids = [Grid.of(problem, e) for e in candidates]
         return cls.of(look, grids, n_places=n_places, vectors=vectors, say=say)
+
+    @classmethod
+    def several(
+        cls, problem: Problem[Any], base: FitResult, grids: Sequence[Grid], *, n_places: int = 0
+    ) -> "list[Forecast]":
+        """Return forecasts at a fit by each look of :meth:`Look.several`."""
+        looks = Look.several(problem, base, None, 0, MOST_VALUES)
+        return [cls.of(look, grids, n_places=n_places) for look in looks]
 
     @classmethod
     def of(
@@ -138,6 +145,8 @@ class Forecast:
             precision=np.empty(n),
             cost=np.empty(n),
             factor=np.empty(n),
+            evidence=np.empty(n),
+            sharpness=np.empty(n),
             share=np.empty(n),
             low=np.empty(n),
             vectors=np.empty((n if vectors else 0, look.slopes.shape[1])),
@@ -149,7 +158,8 @@ class Forecast:
         for rows, change in out._changes():
             beat()
             say(float(rows[-1] + 1) / n if len(rows) else 1.0)
-            full, low = change[:, look.full_band], change[:, ~look.full_band]
+            full_band = look.residuals.full_band
+            full, low = change[:, full_band], change[:, ~full_band]
             full[np.abs(full).max(axis=1, initial=0.0) * np.maximum(most[rows], 1.0) < ROUNDING] = 0.0
             out.low[rows] = look.low_levels(low, most[rows], one_sided[rows])
             if changes:
@@ -174,11 +184,16 @@ class Forecast:
         look, m = self.look, len(self.look.share)
         now = look.adapted(look.now[None], replaced, look.off)[0]
         moved = look.adapted(change, replaced)
-        self.cost[rows], self.factor[rows] = look.best_multiples(now, moved, most, one_sided)
+        a = self.factor[rows] = look.best_multiples(now, moved, most, one_sided)
+        seen = look.sees(most[:, None] * moved, look.resolution)
+        parts = look.parts(now + a[:, None] * moved)
+        self.cost[rows] = np.where(seen, look.cost_of(*parts), np.inf)
+        self.evidence[rows] = look.log_evidence(*parts) - look.log_evidence(*look.parts(now[None]))
+        self.sharpness[rows] = look.sharpness(moved, parts[0])
         of_groups, known = np.abs(moved[:, :m]) ** 2 @ look.share, moved[:, m:].real
         self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
         v, y = look.whitened(moved), look.whitened(now[None])[0]
-        square, a = (v**2).sum(axis=1), self.factor[rows]
+        square = (v**2).sum(axis=1)
         self.precision[rows] = np.sqrt(square)
         self.share[rows] = -a * (2 * (v @ y) + a * square) / max(float(y @ y), LEAST_SQUARE)
         if len(self.vectors):
@@ -186,34 +201,32 @@ class Forecast:
 
     def _changes(self) -> Iterator[tuple[Ints, Complexes]]:
         """Yield rows and the changes of all residuals there, of some candidates at a time."""
-        changed = self._change(self.look.fields())
+        changed = self._change()
         ends = np.searchsorted(self.owner, np.arange(len(self.littles) + 1))
         first = 0
         while first < len(self.littles):
             last = max(int(np.searchsorted(ends, ends[first] + TOGETHER, "right")) - 1, first + 1)
-            none = np.zeros((0, len(self.look.at)), complex)
-            yield (
-                np.arange(ends[first], ends[last]),
-                np.concatenate([none, *map(changed, self.littles[first:last])]),
-            )
+            yield np.arange(ends[first], ends[last]), changed(self.littles[first:last])
             first = last
 
-    def _change(self, fields: Fields) -> Callable[[Little], Complexes]:
-        """Return a function that gives the changes of all residuals by a little of a candidate.
+    def _change(self) -> Callable[[Sequence[Little]], Complexes]:
+        """Return a function that gives the changes of all residuals by a little of some candidates.
 
-        What releases a constraint, or replaces a parameter that is uncertain, has no small element matrices.
+        What replaces a parameter that is uncertain has no small element matrices.
         """
-        look, model = self.look, self.look.problem.reduced.model
+        look, residuals = self.look, self.look.residuals
+        slopes = residuals.slopes()
 
-        def change(little: Little) -> Complexes:
-            effect = little.grid.effect
-            if effect.released() or little.absent is not None:
-                return look.small_changes(little)
-            slopes = [
-                fields.slope(model.parts_of(effect.with_values(**point)), effect.connection)
-                for point in little.points
+        def change(littles: Sequence[Little]) -> Complexes:
+            linear = [o.absent is None and residuals.has_slope(o.grid.effect) for o in littles]
+            small = [o for o, is_linear in zip(littles, linear, strict=True) if is_linear]
+            by_slopes = slopes([o.grid.effect.with_values(**p) for o in small for p in o.points])
+            parts = iter(np.split(by_slopes, np.cumsum([len(o.points) for o in small])))
+            each = [
+                next(parts) if is_linear else look.small_changes(o)
+                for o, is_linear in zip(littles, linear, strict=True)
             ]
-            return look.first_order(np.stack(slopes)) if slopes else np.zeros((0, len(look.at)), complex)
+            return np.nan_to_num(np.concatenate([np.zeros((0, by_slopes.shape[1]), complex), *each]))
 
         return change
 
@@ -244,17 +257,30 @@ class Forecast:
         Of what the data do not see it is 0: its probability is that beforehand.
         """
         each = np.zeros(len(self.owner))
-        for i in np.flatnonzero(np.isfinite(self.gains) & (self.precision > 0)):
-            sizes = self._sizes[int(self.owner[i])]
-            share = sizes.log_share(int(self.place[i]), float(self.factor[i]), 1 / float(self.precision[i]))
-            each[i] = max(float(self.gains[i]), 0.0) + share
+        for i in np.flatnonzero(np.isfinite(self.cost) & (self.sharpness > 0)):
+            sizes = self.sizes[int(self.owner[i])]
+            share = sizes.log_share(int(self.place[i]), float(self.factor[i]), 1 / float(self.sharpness[i]))
+            each[i] = float(self.evidence[i]) + share
         n_each = np.bincount(self.owner, minlength=len(self.littles))
         return self._over_places(np.logaddexp, each) - np.log(np.maximum(n_each, 1))
 
     @cached_property
-    def _sizes(self) -> dict[int, Sizes]:
+    def sizes(self) -> dict[int, Sizes]:
+        """Priors of the sizes of the candidates that the data see."""
         seen = np.unique(self.owner[np.isfinite(self.gains)])
         return {int(k): Sizes.of(self.look.problem, self.littles[k]) for k in seen}
+
+    def best_place(self, k: int) -> int:
+        """Return the row of the place at which the k-th candidate leaves least."""
+        rows = np.flatnonzero(self.owner == k)
+        return int(rows[np.argmin(self.cost[rows])])
+
+    def estimate(self, i: int) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the parameter values of a candidate at its best multiple, and their deviations."""
+        sizes = self.sizes[int(self.owner[i])]
+        return sizes.estimate(
+            int(self.place[i]), float(self.factor[i]), 1 / max(float(self.sharpness[i]), 1e-12)
+        )
 
     def _over_places(self, together: np.ufunc, each: Floats) -> Floats:
         out = np.full(len(self.littles), -np.inf)
@@ -265,10 +291,3 @@ class Forecast:
         """Return a candidate at one of its places and at a multiple of its little there."""
         little = self.littles[self.owner[i]]
         return little.grid.effect.with_values(**little.values(int(self.place[i]), factor))
-
-
-def n_lines(problem: FitProblem) -> int:
-    """Return at how many lines the responses of all DOFs are kept."""
-    frf = problem.data.measurement.frf
-    responses = problem.reduced.model.n_dof * (len(frf.outputs) + len(frf.inputs))
-    return min(FULL_LINES, max(MOST_RESPONSES // responses, LEAST_LINES))

@@ -1,10 +1,11 @@
-"""What candidates would do to measured FRFs: exact in the effect, first order in all that varies beside it.
+"""What candidates would do to the data of a fit: exact in the effect, first order in all that varies with it.
 
 Nothing is refitted here. Each candidate's grid is projected on the reduced basis once; after that a point of
-the grid costs what its few DOFs cost.
+the grid costs what its few DOFs cost. Kinds of data differ in their changes of residuals alone, see
+:mod:`updating.inference.residual_changes`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -12,28 +13,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import ParameterRef, parameter_values
-from fem.reduction.local_changes import Fields, LocalChanges
+from fem.model import ParameterRef
 from fem.reduction.scaling import scale_factors
 from fem.reduction.series import terms_in_series
 from fem.reduction.terms import ReducedTerm
-from updating.correlation import complex_log
 from updating.forecast.grid import WEAKER, Grid, Little
-from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
 from updating.inference.heartbeat import beat
-from updating.least_squares.levels import Levels
+from updating.inference.mode_fit import DOUBT
+from updating.inference.problem import Problem
+from updating.inference.residual_changes import ResidualChanges
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
 
-VISIBLE = 1e-3
-"""Candidates that change the compared FRFs by less than this at every point of their grids are left out: the
-directions measured do not see them [nepers]."""
+SMALL = 1e-9
+"""What the data say of a nuisance parameter is no less than this share of it: of two that do the same [-]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -89,152 +88,198 @@ class SmallChange(Little):
 
 @dataclass(eq=False)
 class Look:
-    """A model with all but the candidates fixed, at a few lines.
+    """A fitted model with all but the candidates fixed, m residuals, and what adapts to their changes.
 
-    Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
-    (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each, and ``full_band`` tells
-    which of them stand for the whole band. Prior knowledge counts as more residuals behind these: ``off``
-    (n_all,) is how far each nuisance parameter is from its prior mean, in deviations. ``slopes``
-    (n, 2 m + n_all) are the slopes of all residuals by the nuisance parameters ``refs`` and by damping, and
-    ``trust`` (2 m + n_all,) what each counts by the likelihood; real and imaginary parts stand side by side.
-    ``share`` (m, n_groups) takes the mean over the values of each group, whose ``likelihood`` is that of a
-    full fit.
+    Prior knowledge counts as more residuals behind those of the data.
+
+    Attributes
+    ----------
+    problem : Problem
+    residuals : ResidualChanges
+        What effects do to the residuals of this kind of data.
+    share : ndarray (m, n_groups)
+        Takes the mean over the residuals of each group.
+    likelihood : Costs
+        That of a full fit, by mean squares of the groups.
+    squares, to_come : ndarray (n_groups,)
+        Robust mean squares of the groups at the fit, and those that data which are still to come will add.
+    robust : ndarray (m,)
+        What each residual counts in its group.
+    refs : tuple of ParameterRef
+    slopes : ndarray (n, 2 m + n_all)
+        Of all residuals by the nuisance parameters ``refs``, by damping, and by small deviations; real and
+        imaginary parts stand side by side.
+    prior_of : tuple of ParameterRef
+        Nuisance parameters, those at a bound too.
+    off : ndarray (n_all,)
+        How far each unknown is from its prior mean, in deviations.
+    all_belong : bool
+        Whether changes are weighted as if no reading were a bad one: those that seem so may be what is
+        missing.
     """
 
-    problem: FitProblem
-    base: FitResult
-    lines: NDArray[np.int64]
-    at: NDArray[np.int64]
-    measured: Complexes
-    weight: Floats
-    full_band: NDArray[np.bool_]
+    problem: Problem[Any]
+    residuals: ResidualChanges
+    share: Floats
+    likelihood: Any
+    squares: Floats
+    to_come: Floats
+    robust: Floats
     refs: tuple[ParameterRef, ...]
     slopes: Floats
-    trust: Floats
-    off: Floats
     prior_of: tuple[ParameterRef, ...]
-    share: Floats
-    likelihood: Levels
-    # By the constraints that an effect releases, and by the nuisance parameters that it replaces.
-    _solved: dict[tuple[tuple[str, str], ...], LocalChanges] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    off: Floats
+    all_belong: bool = False
+    # By the nuisance parameters that an effect replaces.
     _projections: dict[tuple[ParameterRef, ...], Floats] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(
         cls,
-        problem: FitProblem,
+        problem: Problem[Any],
         base: FitResult,
-        n_full: int,
+        n_full: int | None,
         n_low: int,
         most: int,
         besides: float | None = None,
         *,
         bounded: bool = True,
     ) -> "Look":
-        """Look from where the base is.
+        """Look from where the base is; ``n_full``, ``n_low``, ``most`` as of :meth:`Problem.changes_at`.
 
         Data that are still to come will leave noise and ``besides`` [nepers]. Unless ``bounded`` uncertain
         parameters vary that are at a bound as well: with other data they would not be.
         """
-        problem = problem.unloaded(base)
-        full = problem.lines_up_to(np.inf, n_full)
-        low = problem.lines_up_to(problem.stages[0], n_low)
-        function = problem.function(base.effects, [parameter_values(e) for e in base.effects], full)
-        x = function.moved_to(base)
+        residuals = problem.changes_at(base, n_full, n_low, most)
+        function, x, some = residuals.function, residuals.x, residuals.some
         r, J = function(x, True)
         assert J is not None
-        some = _some(len(r), most)
         r, J = r[some], J[:, some]
         group = np.unique(function.groups, return_inverse=True)[1][some]
         share = np.eye(group.max(initial=0) + 1)[group]
         share /= np.maximum(share.sum(axis=0), 1.0)
         likelihood = function.levels(counted_as=FULL_LINES)
-        assert isinstance(likelihood, Levels)
-        to_come = 0.0 if besides is None else likelihood.noise / SYSTEMATIC_FROM**2 + besides**2
-        worth = likelihood.weight(pseudo_huber(r, ROBUST) @ share + to_come)
-        weight = pseudo_huber_weight(r, ROBUST) * (share @ worth)
+        more = 0.0 if besides is None else 1 / SYSTEMATIC_FROM**2
         prior = function.prior()
         known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
-        off = known * np.where(known > 0, x - prior.mean, 0.0)
-        slopes = np.hstack([J.real, J.imag, np.diag(known)])
-        trust = np.concatenate([weight, weight, np.ones(len(x))])
         # What is at its bound moves no farther.
         low_bound, high_bound = function.limits().T
         near = NEAR_BOUND * np.where(np.isfinite(prior.std), prior.std, 0.0)
         free = (x > low_bound + near) & (x < high_bound - near)
         free |= not bounded
-        slopes = slopes[free]
-        prior_of = tuple(v.ref for v in function.variables)
-        refs = tuple(v.ref for v, is_free in zip(function.variables, free, strict=False) if is_free)
-
-        data, lines = problem.data, np.concatenate([full, low])
-        n_first = int(np.prod(data.mask[full].shape))
-        flat = np.flatnonzero(data.mask[lines])
-        low_at = flat[flat >= n_first]
-        at = np.concatenate([flat[flat < n_first][some], low_at[_some(len(low_at), most)]])
-        measured, w = data.H[lines].ravel()[at], data.weight[lines].ravel()[at]
         return cls(
             problem=problem,
-            base=base,
-            lines=lines,
-            at=at,
-            measured=measured,
-            weight=w,
-            full_band=at < n_first,
-            refs=refs,
-            slopes=slopes,
-            trust=trust,
-            off=off,
-            prior_of=prior_of,
+            residuals=residuals,
             share=share,
             likelihood=likelihood,
+            squares=pseudo_huber(r, ROBUST) @ share,
+            to_come=more * likelihood.noise + (besides or 0.0) ** 2,
+            robust=pseudo_huber_weight(r, ROBUST),
+            refs=tuple(v.ref for v, is_free in zip(function.variables, free, strict=False) if is_free),
+            slopes=np.hstack([J.real, J.imag, np.diag(known)])[free],
+            prior_of=tuple(v.ref for v in function.variables),
+            off=known * np.where(known > 0, x - prior.mean, 0.0),
         )
+
+    @classmethod
+    def several(
+        cls, problem: Problem[Any], base: FitResult, n_full: int | None, n_low: int, most: int
+    ) -> "tuple[Look, ...]":
+        """Return a look and, where any reading seems to be a bad one, the same as if none were."""
+        look = cls.of(problem, base, n_full, n_low, most)
+        return (look, look.with_all_readings()) if look.is_doubtful else (look,)
+
+    @property
+    def level(self) -> Floats:
+        """Mean squares of the groups by which residuals are weighted, (n_groups,)."""
+        return self.squares + self.to_come
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether any reading seems to be a bad one."""
+        return bool((self.likelihood.is_bad(self.level) > DOUBT).any())
+
+    def with_all_readings(self) -> "Look":
+        """Return the look with changes weighted as if no reading were a bad one."""
+        return replace(self, all_belong=True)
+
+    @property
+    def base(self) -> FitResult:
+        """The fit."""
+        return self.residuals.base
+
+    @property
+    def _weighing(self) -> Any:
+        return self.likelihood.believed if self.all_belong else self.likelihood
+
+    @cached_property
+    def trust(self) -> Floats:
+        """What each real residual counts by the likelihood, (2 m + n_all,)."""
+        weight = self.robust * (self.share @ self._weighing.weight(self.level))
+        return np.concatenate([weight, weight, np.ones(len(self.off))])
 
     def levels(self, grid: Grid) -> Floats:
         """Return the cost on the full band with nuisances adapted, and the level on the low band.
 
-        Shape (2, n_points); one row if the low band has no lines.
+        Shape (2, n_points); one row if the low band has no lines. Infinite where there is no structure, and
+        everywhere if the data see none of the points.
         """
-        r, possible = self._at(grid)
-        first, low = r[:, self.full_band], r[:, ~self.full_band]
-        every = [self.costs(self.adapted(first, grid.effect.replaces(), self.off))]
-        every += [level(low)] if low.size else []
+        change = self._changes(grid)
+        possible = np.isfinite(change).all(axis=1)
+        change = np.where(possible[:, None], change, 0.0)
+        r, full = self.residuals.now + change, self.residuals.full_band
+        every = [self.costs(self.adapted(r[:, full], grid.effect.replaces(), self.off))]
+        every += [] if full.all() else [level(r[:, ~full])]
         levels = np.where(possible, np.stack(every), np.inf)
-        return levels if np.abs(r - self._now).max(initial=0.0) >= VISIBLE else np.full_like(levels, np.inf)
+        seen = self.sees(change, self.residuals.resolution).any()
+        return levels if seen else np.full_like(levels, np.inf)
 
     def explained(self, grid: Grid) -> float:
         """Return the part of the squared whitened residuals that a candidate takes away at best [-].
 
         Of a candidate that leaves more everywhere it is negative.
         """
-        r, possible = self._at(grid)
+        change = self._changes(grid)[:, self.residuals.full_band]
+        possible = np.isfinite(change).all(axis=1)
         replaced, weight = grid.effect.replaces(), self.weights
-        rest = self.adapted(r[:, self.full_band], replaced, self.off)
+        rest = self.adapted(self.now + np.where(possible[:, None], change, 0.0), replaced, self.off)
         left = np.where(possible, np.abs(rest) ** 2 @ weight, np.inf)
         now = float(np.abs(self.adapted(self.now[None], replaced, self.off)[0]) ** 2 @ weight)
         return 1 - float(left.min(initial=np.inf)) / now if now > 0 else 0.0
 
     def best_of_little(self, grid: Grid) -> tuple[float, dict[str, float]]:
-        """Return the cost of the best multiple of what a little of a candidate does, and its values there."""
+        """Return the cost of the best multiple of what a little of a candidate does, and its values there.
+
+        Infinite where that is not seen.
+        """
         little, replaced = self.little(grid), grid.effect.replaces()
         now = self.adapted(self.now[None], replaced, self.off)[0]
         change = self.adapted(little.change, replaced)
-        costs, factors = self.best_multiples(now, change, little.most, grid.one_sided())
+        factors = self.best_multiples(now, change, little.most, grid.one_sided())
+        moved = factors[:, None] * change
+        costs = np.where(self.sees(moved, self.resolution), self.costs(now + moved), np.inf)
         k = int(np.argmin(costs))
         return float(costs[k]), little.values(k, float(factors[k]))
 
     def best_multiples(
         self, now: Complexes, change: Complexes, most: Floats, one_sided: bool | NDArray[np.bool_]
-    ) -> tuple[Floats, Floats]:
-        """Return the costs that the best multiples of adapted changes leave, and these, (n,)."""
-        return _best_multiples(now, change, most, one_sided, self.weights, self.costs, len(self.share))
+    ) -> Floats:
+        """Return the best multiples of adapted changes, (n,), within ± ``most`` or from 0 to it."""
+        return _best_multiples(now, change, most, one_sided, self.weights)
+
+    def sees(self, change: Complexes, resolution: Floats) -> NDArray[np.bool_]:
+        """Return which changes (n, m or more) any residual sees, (n,)."""
+        return (np.abs(change[:, : len(resolution)]) >= resolution).any(axis=1)
+
+    @cached_property
+    def resolution(self) -> Floats:
+        """Changes of the residuals of the full band below these are not seen, (m,)."""
+        return self.residuals.resolution[self.residuals.full_band]
 
     def little(self, grid: Grid) -> SmallChange:
         """Return the slopes of the residuals of the full band by a candidate."""
         little = Little.of(grid, self.base.values)
-        change = self.small_changes(little)[:, self.full_band]
+        change = self.small_changes(little)[:, self.residuals.full_band]
         return SmallChange(grid, little.points, little.absent, little.most, change)
 
     def small_changes(self, little: Little) -> Complexes:
@@ -252,46 +297,75 @@ class Look:
 
     def changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of the full band's residuals, (n_points, m); 0 where impossible."""
-        return self.all_changes(grid)[:, self.full_band]
+        return self.all_changes(grid)[:, self.residuals.full_band]
 
     def all_changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of all residuals, (n_points, m); 0 where impossible."""
-        r, possible = self._at(grid)
-        return np.where(possible[:, None], r - self._now, 0.0)
+        change = self._changes(grid)
+        return np.where(np.isfinite(change).all(axis=1)[:, None], change, 0.0)
 
-    def _at(self, grid: Grid) -> tuple[Complexes, NDArray[np.bool_]]:
-        """Return the residuals of a candidate at its points, and which of them can be."""
+    def _changes(self, grid: Grid) -> Complexes:
+        """Return a candidate's changes of all residuals, (n_points, m); NaN where impossible."""
         beat()
         terms = candidate_terms(self.problem, self.base, grid)
-        return self._possible(self._local(grid.effect.released()).with_terms(terms))
+        return self.residuals.by_terms(grid.effect.released(), terms)
 
     def costs(self, r: Complexes) -> Floats:
         """Return the negative log posterior of residuals (n, m + n_all), (n,)."""
+        return self.cost_of(*self.parts(r))
+
+    def cost_of(self, v: Floats, known: Floats) -> Floats:
+        """Return the negative log posterior of the :meth:`parts` of residuals, (n,)."""
+        return self._weighing.costs(v) + known
+
+    def parts(self, r: Complexes) -> tuple[Floats, Floats]:
+        """Return the mean squares of the groups (n, n_groups), and half the sum of the priors' squares (n,)."""
         m = len(self.share)
-        v = pseudo_huber(r[:, :m], ROBUST) @ self.share
-        known = 0.5 * (r[:, m:].real ** 2).sum(axis=1)
-        return np.array([self.likelihood.cost(each) for each in v]) + known
+        return pseudo_huber(r[:, :m], ROBUST) @ self.share, 0.5 * (r[:, m:].real ** 2).sum(axis=1)
+
+    def log_evidence(self, v: Floats, known: Floats) -> Floats:
+        """Return the log evidence, up to a constant, of the :meth:`parts` of adapted residuals, (n,) [nats].
+
+        Of the stated likelihood. What adapts is known as well as the level of error allows.
+        """
+        learned, by_group = self.learned
+        ratio = self.likelihood.weight(v + self.to_come) / self.likelihood.weight(self.level)
+        paid = 0.5 * np.log(1 - learned + ratio @ by_group.T + 1e-12).sum(axis=1)
+        return -self.likelihood.costs(v) - known - paid
+
+    def sharpness(self, change: Complexes, v: Floats) -> Floats:
+        """Return 1 / standard deviation of the multiples of adapted changes (n, m + n_all), (n,).
+
+        At the level of error of mean squares (n, n_groups).
+        """
+        m, worth = len(self.share), self.likelihood.weight(v + self.to_come)
+        squares = (np.abs(change[:, :m]) ** 2 * self.robust) @ self.share
+        return np.sqrt((worth * squares).sum(axis=1) + (change[:, m:].real ** 2).sum(axis=1))
+
+    @cached_property
+    def learned(self) -> tuple[Floats, Floats]:
+        """What the data say of combinations of nuisance parameters, (n,), and each group's part, (n, g).
+
+        Shares of all that is known of them. With a smaller misfit the data say more, and the evidence takes
+        more for parameters that are free.
+        """
+        m = len(self.share)
+        worth = self.likelihood.weight(self.level)
+        root = np.sqrt(np.tile(self.robust * (self.share @ worth), 2))
+        J, known = self.slopes[:, : 2 * m] * root, self.slopes[:, 2 * m :]
+        groups = np.tile(self.share > 0, (2, 1)).T
+        information = [J[:, here] @ J[:, here].T for here in groups]
+        total = np.sum(information, axis=0) + known @ known.T
+        size = np.sqrt(np.where(total.diagonal() > 0, total.diagonal(), 1.0))
+        L = np.linalg.cholesky(total / np.outer(size, size) + SMALL * np.eye(len(size)))
+        parts = [np.linalg.solve(L, np.linalg.solve(L, A / np.outer(size, size)).T) for A in information]
+        values, U = np.linalg.eigh(np.sum(parts, axis=0))
+        return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
 
     @property
     def weights(self) -> Floats:
         """What each residual counts, (m + n_all,)."""
         return self.trust[len(self.share) :]
-
-    def fields(self) -> Fields:
-        """Return the responses at all DOFs at the lines."""
-        return self._local(()).fields()
-
-    def first_order(self, slopes: Complexes) -> Complexes:
-        """Return the changes of all residuals by those of the receptances, (n, m), to the first order.
-
-        Parameters
-        ----------
-        slopes : ndarray (n, n_lines, n_out, n_in)
-        """
-        H = self._local(()).H.ravel()[self.at]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            d = self.problem.data.seen(self.weight * slopes.reshape(len(slopes), -1)[:, self.at] / H)
-        return np.where(np.isfinite(d), d, 0.0)
 
     def whitened(self, r: Complexes) -> Floats:
         """Return residuals (n, m + n_all) as real ones of unit variance, (n, 2 m + n_all)."""
@@ -301,37 +375,23 @@ class Look:
 
     def low_levels(self, change: Complexes, most: Floats, one_sided: NDArray[np.bool_]) -> Floats:
         """Return the levels on the low band with the best multiples of n changes (n, m) of it, (n,)."""
-        low = self._now[~self.full_band]
+        low_band = ~self.residuals.full_band
+        low = self.residuals.now[low_band]
         if not low.size:
             return np.full(len(change), np.inf)
-        return _best_multiples(low, change, most, one_sided, pseudo_huber_weight(low, ROBUST), level)[0]
+        factors = _best_multiples(low, change, most, one_sided, pseudo_huber_weight(low, ROBUST))
+        moved = factors[:, None] * change
+        return np.where(self.sees(moved, self.residuals.resolution[low_band]), level(low + moved), np.inf)
 
     @property
     def now(self) -> Complexes:
         """The weighted residuals of the full band without a candidate."""
-        return self._now[self.full_band]
+        return self.residuals.now[self.residuals.full_band]
 
     @cached_property
     def cost_now(self) -> float:
         """The negative log posterior without a candidate."""
         return float(self.costs(self.adapted(self.now[None], (), self.off))[0])
-
-    @cached_property
-    def _now(self) -> Complexes:
-        """The weighted residuals (m,) of the model without a candidate."""
-        return self._residuals([self._local(()).H])[0]
-
-    def _possible(self, H: Sequence[Complexes]) -> tuple[Complexes, NDArray[np.bool_]]:
-        """Return residuals, those of now for what cannot be, and what can: its receptances are finite."""
-        possible = np.array([bool(np.isfinite(each).all()) for each in H])
-        return np.where(possible[:, None], self._residuals(H), self._now), possible
-
-    def _residuals(self, H: Sequence[Complexes]) -> Complexes:
-        """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""
-        computed = np.stack([each.ravel()[self.at] for each in H])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            r: Any = self.weight * self.problem.data.seen(complex_log(computed / self.measured))
-        return np.where(np.isfinite(r), r, 0.0)
 
     def adapted(
         self, r: Complexes, replaced: Sequence[ParameterRef] = (), off: Floats | None = None
@@ -353,8 +413,10 @@ class Look:
         """Return the covariance of nuisance parameters, and what takes a residual to their change."""
         weighted = self.slopes * self.trust
         A = weighted @ self.slopes.T
-        A[np.diag_indices_from(A)] += 1e-9 * np.abs(A.diagonal()).max()
-        C: Floats = np.asarray(np.linalg.inv(A), dtype=float)
+        # each in its own unit: what is known a million times less well than another one counts as well
+        size = np.sqrt(np.where(A.diagonal() > 0, A.diagonal(), 1.0))
+        A = A / np.outer(size, size) + SMALL * np.eye(len(size))
+        C = np.asarray(np.linalg.inv(A), dtype=float) / np.outer(size, size)
         return C, C @ weighted
 
     def _back(self, without: tuple[ParameterRef, ...]) -> Floats:
@@ -368,16 +430,6 @@ class Look:
             self._projections[without] = back
         return self._projections[without]
 
-    def _local(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
-        """Return the model solved at the lines, without the constraints that an effect releases."""
-        if released not in self._solved:
-            p, base = self.problem, self.base
-            f, refs = p.data.frequency[self.lines], list(base.values)
-            engine = p.engine(f, refs, base.effects, released, channels=base.channels)
-            zeta = p.damping.ratio(f, base.zeta)
-            self._solved[released] = LocalChanges.of(engine, np.array([base.values[r] for r in refs]), zeta)
-        return self._solved[released]
-
 
 def _best_multiples(
     now: Complexes,
@@ -385,26 +437,15 @@ def _best_multiples(
     most: Floats,
     one_sided: bool | NDArray[np.bool_],
     weight: Floats,
-    cost: Callable[[Complexes], Floats],
-    n_data: int | None = None,
-) -> tuple[Floats, Floats]:
-    """Return the costs (n,) that the best multiples of changes (n, m) of residuals (m,) leave, and these.
+) -> Floats:
+    """Return the best multiples (n,) of changes (n, m) of residuals (m,).
 
-    Within ± ``most`` (n,), or from 0 to it where they are one-sided; the cost is infinite where the change
-    of the first ``n_data`` is invisible.
+    Within ± ``most`` (n,), or from 0 to it where they are one-sided.
     """
     size = (weight * np.abs(change) ** 2).sum(axis=1)
     slope = (weight * (change.conj() * now).real).sum(axis=1)
     least = np.where(one_sided, 0.0, -most)
-    factor = np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
-    moved = factor[:, None] * change
-    visible = np.abs(moved[:, :n_data]).max(axis=1, initial=0.0) >= VISIBLE
-    return np.where(visible, cost(now + moved), np.inf), factor
-
-
-def _some(n: int, most: int) -> NDArray[np.int64]:
-    """Return at most ``most`` of n positions, scattered: a fixed step might miss channels entirely."""
-    return np.sort(np.random.default_rng(0).permutation(n)[:most])
+    return np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
 
 
 def level(r: Complexes) -> Floats:

@@ -56,3 +56,16 @@ class Sizes:
     def x(self, k: int, factor: float) -> float:
         """Return the unknown at a multiple of the k-th place's little."""
         return self.unknown.to_x(self.little.values(k, factor)[self.ref[1]])
+
+    def estimate(self, k: int, factor: float, std: float) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the values at a multiple of the k-th place's little, and their deviations.
+
+        Of positions those of the grid. Where the data ask for none of it, the values are those of a little:
+        nothing is known of the effect of a bound.
+        """
+        factor = factor or 1.0
+        values = self.little.values(k, factor)
+        x, *ends = (self.x(k, a) for a in (factor, factor - std, factor + std))
+        width = min(self.prior.std, abs(ends[1] - ends[0]) / 2)
+        deviations = {key: float(np.std([q[key] for q in self.little.grid.points])) for key in values}
+        return values, deviations | {self.ref[1]: self.unknown.deviation(x, width)}

@@ -20,6 +20,7 @@ from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
+from updating.inference.frf_changes import FrfChanges
 from updating.inference.frf_function import FrfFunction
 from updating.inference.frf_inputs import FrfInputs
 from updating.inference.joint_fit import mode_problem_of, with_modes
@@ -67,6 +68,15 @@ class FitProblem(FrfInputs, Problem[FitData]):
         top = np.inf if stage is None else stage
         function = self.function(effects, starts, self.lines_up_to(top, n_lines or self.n_lines))
         return with_modes(self, function, top)
+
+    def changes_at(self, base: FitResult, n_full: int | None, n_low: int, most: int) -> FrfChanges:
+        """Return what effects added to a fitted model do to its FRFs."""
+        return FrfChanges.of(self, base, n_full, n_low, most)
+
+    @property
+    def has_broad_resonances(self) -> bool:
+        """Whether the FRFs are those at complex frequencies."""
+        return self.decay > 0
 
     def deviation(
         self, result: FitResult, lines: NDArray[np.int64] | None = None

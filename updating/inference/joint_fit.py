@@ -32,27 +32,41 @@ class JointLevels:
     modes: ModeLevels
 
     def _parts(self, v: Floats) -> Sequence[Floats]:
-        return np.split(v, [len(v) - len(self.modes.n)])
+        return np.split(v, [v.shape[-1] - len(self.modes.n)], axis=-1)
 
     @property
     def noise(self) -> Floats:
         """Mean squares that noise leaves, (n_groups,)."""
         return np.concatenate([self.frf.noise, self.modes.noise])
 
+    @property
+    def believed(self) -> JointLevels:
+        """The same where every reading belongs."""
+        return JointLevels(self.frf.believed, self.modes.believed)
+
     def cost(self, v: Floats) -> float:
         """Return the negative log likelihood at mean squares (n_groups,)."""
+        return float(self.costs(v))
+
+    def costs(self, v: Floats) -> Floats:
+        """Return the negative log likelihoods at several sets of mean squares, (..., n_groups)."""
         first, second = self._parts(v)
-        return self.frf.cost(first) + self.modes.cost(second)
+        return self.frf.costs(first) + self.modes.costs(second)
 
     def weight(self, v: Floats) -> Floats:
-        """Return twice its derivatives by the mean squares, (n_groups,)."""
+        """Return twice its derivatives by the mean squares, (..., n_groups)."""
         first, second = self._parts(v)
-        return np.concatenate([self.frf.weight(first), self.modes.weight(second)])
+        return np.concatenate([self.frf.weight(first), self.modes.weight(second)], axis=-1)
 
     def gain(self, v: Floats, least: Floats) -> float:
         """Return by how much the log likelihood would rise with mean squares no larger than the least."""
         (first, second), (least_frf, least_modes) = self._parts(v), self._parts(least)
         return self.frf.gain(first, least_frf) + self.modes.gain(second, least_modes)
+
+    def is_bad(self, v: Floats) -> Floats:
+        """Return the probability that the readings of each group are bad ones, (..., n_groups)."""
+        first, second = self._parts(v)
+        return np.concatenate([self.frf.is_bad(first), self.modes.is_bad(second)], axis=-1)
 
 
 @dataclass(eq=False)

@@ -24,6 +24,7 @@ from updating.inference.defaults import BASIS_LINES, EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.fit_function import ROBUST, Errors, FitFunction, propagated
 from updating.inference.fit_result import FitResult, fitted_model
+from updating.inference.mode_changes import ModeChanges
 from updating.inference.mode_targets import (
     ALIEN_WIDTH,
     FAR,
@@ -200,6 +201,10 @@ class ModeProblem(Problem[ModeTargets]):
         """Return the residuals of all modes, whose deviations are larger by the factor of a stage."""
         return self.at_stage(1.0 if stage is None else stage).function(effects, starts, self.data.fitted)
 
+    def changes_at(self, base: FitResult, n_full: int | None, n_low: int, most: int) -> ModeChanges:
+        """Return what effects added to a fitted model do to its modes, all of those that are fitted."""
+        return ModeChanges.of(self, base)
+
     def surroundings(self, key: tuple[str, str]) -> float:
         """Return the median impedance of the structure to motion along a released constraint [N/m, N·m/rad].
 
@@ -323,11 +328,6 @@ class ModeProblem(Problem[ModeTargets]):
         fitted = propagated(function, x, function.units, result.covariance)[: t.n] * weight / weight.min()
         discrepancy = levels.discrepancy_square(result.misfit)[levels.kind == FREQUENCY].max(initial=0.0)
         return np.where(predicted, np.sqrt(fitted**2 + discrepancy + self.mesh_level**2), np.nan)
-
-    @cached_property
-    def allowed_squares(self) -> Floats:
-        """Mean squares that a right model may leave beyond noise, of each group of residuals, (n_groups,)."""
-        return self.function((), (), self.targets.fitted).allowed_squares()
 
     def readings(self) -> tuple[ModeReading, ...]:
         """Return the readings that fits see, in the order of the groups of residuals."""

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
 from updating.inference.damped import DampedFrfs
-from updating.inference.defaults import BASIS_LINES
+from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_inputs import D, FitInputs, Floats
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
 from updating.inference.mode_targets import ComputedModes, ModeTargets
+from updating.inference.residual_changes import ResidualChanges
 from updating.measurement.measurement import Measurement
 
 
@@ -78,6 +79,20 @@ class Problem(FitInputs[D]):
         """
 
     @abstractmethod
+    def changes_at(self, base: FitResult, n_full: int | None, n_low: int, most: int) -> ResidualChanges:
+        """Return what effects added to a fitted model do to its residuals.
+
+        Parameters
+        ----------
+        base : FitResult
+        n_full, n_low : int
+            At most this many lines of the full band and of the low one; None for as many as the responses of
+            all DOFs are kept at. Of modes all are used.
+        most : int
+            Largest number of values in each of the two bands.
+        """
+
+    @abstractmethod
     def better_basis(
         self, result: FitResult, n_lines: int = BASIS_LINES[0]
     ) -> tuple[float, ReducedModel] | None:
@@ -85,6 +100,10 @@ class Problem(FitInputs[D]):
 
         None where the error is small against the level that the data leave.
         """
+
+    def allowed_squares(self) -> Floats:
+        """Return the mean squares that a right model may leave beyond noise, of each group, (n_groups,)."""
+        return self.residuals(n_lines=FULL_LINES).allowed_squares()
 
     @abstractmethod
     def resampled(self, result: FitResult, misfit: Mapping[str, float], rng: np.random.Generator) -> Self:
@@ -100,6 +119,11 @@ class Problem(FitInputs[D]):
         """
 
     # what only some data have -------------------------------------------------------------------------------
+
+    @property
+    def has_broad_resonances(self) -> bool:
+        """Whether the data are so damped that uncertain parameters are not bent far from nominal."""
+        return False
 
     @property
     def measured_modes(self) -> ModeTargets | None:

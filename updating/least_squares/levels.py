@@ -31,16 +31,29 @@ class Levels:
     least: Floats
     noise: Floats
 
+    @property
+    def believed(self) -> "Levels":
+        """The same: no reading of an FRF is taken for a bad one."""
+        return self
+
     def cost(self, v: Floats) -> float:
         """Return the negative log likelihood at mean squares (n_groups,)."""
+        return float(self.costs(v))
+
+    def costs(self, v: Floats) -> Floats:
+        """Return the negative log likelihoods at several sets of mean squares, (..., n_groups)."""
         beyond = v - self.noise
         above, below = np.maximum(beyond, 0.0), np.minimum(beyond, 0.0)
-        return 0.5 * float(self.n @ (np.log(self.least + above) + below / self.least))
+        return 0.5 * ((np.log(self.least + above) + below / self.least) @ self.n)
 
     def weight(self, v: Floats) -> Floats:
-        """Return twice its derivatives by the mean squares, (n_groups,)."""
+        """Return twice its derivatives by the mean squares, (..., n_groups)."""
         return self.n / (self.least + np.maximum(v - self.noise, 0.0))
 
     def gain(self, v: Floats, least: Floats) -> float:
         """Return by how much the log likelihood would rise with mean squares no larger than the least."""
         return self.cost(v) - self.cost(np.minimum(v, least))
+
+    def is_bad(self, v: Floats) -> Floats:
+        """Return zeros: no reading of an FRF is taken for a bad one."""
+        return np.zeros_like(v)

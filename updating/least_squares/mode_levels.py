@@ -1,6 +1,6 @@
 """The cost of residuals with known noise, a discrepancy of unknown size, and readings that may be bad."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,11 @@ class ModeLevels:
     def noise(self) -> Floats:
         """Mean squares that noise leaves, (n_groups,)."""
         return self.n * self.variance / self.size
+
+    @property
+    def believed(self) -> "ModeLevels":
+        """The same where every reading belongs."""
+        return replace(self, bad_prior=0.0) if self.bad_prior else self
 
     @property
     def _log_prior(self) -> float:

@@ -302,7 +302,9 @@ class _Channels:
         if scatter is not None and scatter.channels is not None and len(scatter.channels.of):
             numbers = scatter.channels.of
             of[-len(numbers) :] = np.where(numbers < n_out, numbers, -1)
-        _, output, input_ = np.unravel_index(look.at, look.problem.data.mask[look.lines].shape)
+        _, output, input_ = np.unravel_index(
+            look.residuals.at, look.problem.data.mask[look.residuals.lines].shape
+        )
         shared = of < 0
         known = (look.slopes[shared, 2 * m :] ** 2).sum(axis=1)
         slopes = np.vstack([J[shared], changes * np.sqrt(more * look.weights[:m])])

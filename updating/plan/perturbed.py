@@ -11,7 +11,7 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.support import Support
 from fem.model import Effect, Model, ModelError, ParameterRef
 from updating.diagnosis.separation import places_along
-from updating.forecast.forecast import MOST_COMPARED, n_lines
+from updating.forecast.forecast import MOST_COMPARED
 from updating.forecast.grid import Grid
 from updating.forecast.look import Complexes, Look
 from updating.inference.fit import FitProblem
@@ -184,7 +184,7 @@ def perturbed(
     factors = [f for o, _ in pairs for f in (o.visible.amplitude(o.relevant), 1.0)]
 
     def look_at(problem: FitProblem, base: FitResult) -> Look:
-        return Look.of(problem, base, n_lines(problem), 0, MOST_COMPARED, discrepancy, bounded=False)
+        return Look.of(problem, base, None, 0, MOST_COMPARED, discrepancy, bounded=False)
 
     first = look_at(plan.visibility.problem, plan.visibility.base)
     refs = first.prior_of

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
         near_to,
         values_of,
     )
-    from updating.diagnosis.evidence.mode_ranking import ModeLook, ModeRanking
+    from updating.diagnosis.evidence.mode_ranking import ModeRanking
     from updating.diagnosis.evidence.places import place_of, places_of
-    from updating.diagnosis.evidence.ranking import FrfRanking
+    from updating.diagnosis.evidence.ranking import Ranking
     from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
     from updating.diagnosis.evidence.scan import Scan
     from updating.diagnosis.evidence.screening import best_starts, look_at, screen
@@ -40,12 +40,11 @@ __all__ = [
     "Blocks",
     "Damped",
     "Fits",
-    "FrfRanking",
     "Hypothesis",
-    "ModeLook",
     "ModeRanking",
     "Odds",
     "Promised",
+    "Ranking",
     "Scan",
     "Search",
     "Searched",

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import scipy
@@ -10,7 +11,7 @@ from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.forecast.grid import Grid
 from updating.forecast.look import Look, SmallChange
-from updating.inference.fit import FitProblem
+from updating.inference.problem import Problem
 
 LEAST_MULTIPLE = 1.0
 """An effect that the data do not ask for begins at its slight point [-]."""
@@ -43,12 +44,12 @@ class Blocks:
 
     Attributes
     ----------
-    problem : FitProblem
+    problem : Problem
     look : Look
         From where the fit is.
     """
 
-    problem: FitProblem
+    problem: Problem[Any]
     look: Look
     _little: dict[str, SmallChange] = field(default_factory=dict, init=False)
 

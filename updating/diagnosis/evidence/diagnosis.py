@@ -14,7 +14,7 @@ from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.fits import P
 from updating.diagnosis.evidence.hypothesis import Hypothesis, Promised
-from updating.diagnosis.evidence.ranking import FrfRanking, Ranking
+from updating.diagnosis.evidence.ranking import Ranking
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import FitProblem
@@ -229,7 +229,7 @@ def search_of_problem(
             candidates,
             search_progress(progress, start_time),
             workers=crew,
-            ranking=ranking or FrfRanking(),
+            ranking=ranking or Ranking(),
             beforehand=log_prior(doubtful(faults), read),
             budget=budget,
         )

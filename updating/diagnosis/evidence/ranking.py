@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -10,16 +10,14 @@ from fem.model import Effect
 from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.scan import Scan, Scanned
-from updating.diagnosis.evidence.screening import LEAST_GRIDS, Screened, look_at, screen, screen_near
+from updating.diagnosis.evidence.screening import Screened, look_at, looks_near, screen, screen_near
 from updating.diagnosis.evidence.shortlist import MOST_PLACES, rivals, shortlist
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
 from updating.forecast.look import Floats
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.fitting import FULL_LINES
 from updating.inference.form_scatter import FormScatter
-from updating.inference.scatter import form_scatter
+from updating.inference.problem import Problem
 
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
@@ -27,73 +25,6 @@ MOST_GRIDS = 100
 Against = Callable[[Effect], float]
 """Prior odds against an effect, as a logarithm: what it must gain."""
 RankedBlocks = Callable[[Sequence[tuple[Effect, ...]]], list[tuple[Block, ...]]]
-
-
-class Ranking(Protocol):
-    """How candidates are ranked before any fit, by one kind of data."""
-
-    @property
-    def breadth(self) -> int:
-        """Number of single effects that get a short fit, and of hypotheses whose fits are continued."""
-        ...
-
-    @property
-    def precise_looks(self) -> bool:
-        """Whether a look at small changes near the data tells what a fit would gain."""
-        ...
-
-    def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
-        """Return places, and pairs of connections, by the share of the misfit that they cannot explain."""
-        ...
-
-    def screened(
-        self,
-        problem: Any,
-        current: FitResult,
-        effects: Sequence[Effect],
-        listed: Callable[[Effect], bool],
-        against: Against | None = None,
-        *,
-        far: bool = False,
-    ) -> tuple[Screened, ...]:
-        """Return candidates with starts, the most promising first.
-
-        Some are ``listed`` in any case. Beside what explains the data all is linear: those deserve a look
-        that can gain more than what is ``against`` them, and the others have no starts. Of a fit that is
-        ``far`` from the data the low band is looked at, too.
-        """
-        ...
-
-    def blocks(self, problem: Any, current: FitResult, *, far: bool) -> RankedBlocks:
-        """Return what puts groups of effects with starts in order, the most promising first.
-
-        Of a fit that is ``far`` from the data its uncertain parameters may be bent.
-        """
-        ...
-
-    def rivals(
-        self, problem: Any, last: FitResult, effects: Sequence[Effect], n_best: int
-    ) -> tuple[Screened, ...]:
-        """Return the candidates that come nearest to what the last effect of a fit does."""
-        ...
-
-    def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> Floats | None:
-        """Return ln of likelihood ratios over a fit, averaged over sizes and places, (n_effects,).
-
-        None where those that were not fitted are weighed otherwise.
-        """
-        ...
-
-    def scatter(self, problem: Any, result: FitResult, size: float | None = None) -> FormScatter | None:
-        """Return small deviations that the form has besides its parameters.
-
-        ``size`` is that of the shifts of eigenvalues; the middle of what it may be unless given.
-        """
-        ...
-
-    def allowed_squares(self, problem: Any) -> Any:
-        """Return the mean squares that a right model may leave beyond noise, of all groups or of each."""
-        ...
 
 
 def sorted_blocks(blocks_by_fit: Sequence[Blocks]) -> RankedBlocks:
@@ -107,28 +38,36 @@ def sorted_blocks(blocks_by_fit: Sequence[Blocks]) -> RankedBlocks:
 
 
 @dataclass(frozen=True, slots=True)
-class FrfRanking:
-    """Ranking by receptances.
+class Ranking:
+    """How candidates are ranked before any fit; the defaults are those for FRFs.
 
     Attributes
     ----------
     breadth : int
+        Number of single effects that get a short fit, and of hypotheses whose fits are continued.
+    n_listed, n_looked : int
+        Number of candidates that are looked at on their grids in any case: of the best by each measure where
+        there are many, and near the data.
     form_share : float
         Share of the form's small deviations that the data still have: less than 1 where an earlier state has
         taken out what is common to both [-].
+    precise_looks : bool
+        Whether a look at small changes near the data tells what a fit would gain.
     """
 
     breadth: int = 8
+    n_listed: int = 20
+    n_looked: int = 3
     form_share: float = 1.0
     precise_looks: bool = True
 
-    def scan(self, problem: FitProblem, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
-        """Return places by the share of the misfit that free forces there leave."""
+    def scan(self, problem: Problem[Any], current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
+        """Return places, and pairs of connections, by the part of the misfit that free forces there leave."""
         return Scan.of(problem, current).run(places)
 
     def screened(
         self,
-        problem: FitProblem,
+        problem: Problem[Any],
         current: FitResult,
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
@@ -136,41 +75,49 @@ class FrfRanking:
         *,
         far: bool = False,
     ) -> tuple[Screened, ...]:
-        """Return candidates by the likelihood that they reach on grids of their parameters."""
-        grids = [Grid.of(problem, e) for e in effects]
+        """Return candidates with starts by the likelihood that they reach on grids, the most promising first.
+
+        Some are ``listed`` in any case. Beside what explains the data all is linear: those deserve a look
+        that can gain more than what is ``against`` them, and the others have no starts. Of a fit that is
+        ``far`` from the data the low band is looked at, too.
+        """
+        grids = [g for e in effects if (g := Grid.of(problem, e)).points]
         if against is not None:
-            return self._screened_near(problem, current, effects, grids, against)
-        # Damped FRFs bend nothing.
-        bases = (current,) if problem.decay else (current, problem.at_nominal(current))
+            return self._screened_near(problem, current, grids, against)
+        nominal = problem.at_nominal(current)
+        unbent = problem.has_broad_resonances or nominal.values == current.values
+        bases = (current,) if unbent else (current, nominal)
         if len(grids) > MOST_GRIDS:
-            chosen = shortlist(problem, bases, grids)
+            chosen = shortlist(problem, bases, grids, self.n_listed)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, bases, grids, far=far)
 
-    def log_evidence(self, problem: FitProblem, current: FitResult, effects: Sequence[Effect]) -> Floats:
-        """Return the same by the forecast at the fit."""
+    def log_evidence(
+        self, problem: Problem[Any], current: FitResult, effects: Sequence[Effect]
+    ) -> Floats | None:
+        """Return ln of likelihood ratios over a fit, averaged over sizes and places, (n_effects,).
+
+        None where those that were not fitted are weighed otherwise.
+        """
         return Forecast.at(problem, current, effects, n_places=MOST_PLACES).log_evidence
 
     def _screened_near(
-        self,
-        problem: FitProblem,
-        current: FitResult,
-        effects: Sequence[Effect],
-        grids: Sequence[Grid],
-        against: Against,
+        self, problem: Problem[Any], current: FitResult, grids: Sequence[Grid], against: Against
     ) -> tuple[Screened, ...]:
         """Return all candidates: those that may win as their grids have them, the others by the forecast."""
-        forecast = Forecast.at(problem, current, effects, n_places=MOST_PLACES)
-        linear, evidence = forecast.best_gains, forecast.log_evidence
-        # What releases a constraint is no small change: a look decides.
-        gains = np.where([bool(e.released()) for e in effects], np.inf, linear)
-        promised = gains - np.array([against(e) for e in effects])
+        forecasts = Forecast.several(problem, current, grids, n_places=MOST_PLACES)
+        linear = np.max([f.best_gains for f in forecasts], axis=0)
+        evidence = np.max([f.log_evidence for f in forecasts], axis=0)
+        # What has no slope is no small change: a look decides.
+        has_slope = forecasts[0].look.residuals.has_slope
+        gains = np.where([has_slope(g.effect) for g in grids], linear, np.inf)
+        promised = gains - np.array([against(g.effect) for g in grids])
         order = [int(i) for i in np.argsort(-promised, kind="stable")]
         deserves = promised > 0.0
-        deserves[[i for i in order if np.isfinite(promised[i])][:LEAST_GRIDS]] = True
+        deserves[[i for i in order if np.isfinite(promised[i])][: self.n_looked]] = True
         kept = [i for i in order if deserves[i]]
-        looked = screen_near(problem, current, [grids[i] for i in kept], gains[kept])
-        number = {e.name: i for i, e in enumerate(effects)}
+        looked = screen_near(looks_near(problem, current), [grids[i] for i in kept], gains[kept])
+        number = {g.effect.name: i for i, g in enumerate(grids)}
         out = []
         for s in looked:
             i = number.pop(s.effect.name)
@@ -178,26 +125,29 @@ class FrfRanking:
             out.append(replace(s, log_evidence=float(evidence[i]) + more))
         return (
             *out,
-            *(Screened(effects[i], (), float(linear[i]), float(evidence[i])) for i in number.values()),
+            *(Screened(grids[i].effect, (), float(linear[i]), float(evidence[i])) for i in number.values()),
         )
 
-    def blocks(self, problem: FitProblem, current: FitResult, *, far: bool) -> RankedBlocks:
-        """Return a function that ranks groups by their slopes, at fitted and at nominal parameters."""
+    def blocks(self, problem: Problem[Any], current: FitResult, *, far: bool) -> RankedBlocks:
+        """Return what puts groups of effects with starts in order, the most promising first.
+
+        By their slopes; of a fit that is ``far`` from the data at nominal parameters, too.
+        """
         bases = (current, problem.at_nominal(current)) if far else (current,)
         return sorted_blocks([Blocks(problem, look_at(problem, base)) for base in bases])
 
     def rivals(
-        self, problem: FitProblem, last: FitResult, effects: Sequence[Effect], n_best: int
+        self, problem: Problem[Any], last: FitResult, effects: Sequence[Effect], n_best: int
     ) -> tuple[Screened, ...]:
-        """Return the candidates whose change of the receptances comes nearest."""
-        return rivals(problem, last, [Grid.of(problem, e) for e in effects], n_best)
+        """Return the candidates that come nearest to what the last effect of a fit does."""
+        grids = [g for e in effects if (g := Grid.of(problem, e)).points]
+        return rivals(problem, last, grids, n_best, self.n_listed)
 
     def scatter(
-        self, problem: FitProblem, result: FitResult, size: float | None = None
+        self, problem: Problem[Any], result: FitResult, size: float | None = None
     ) -> FormScatter | None:
-        """Return scatter of the modes' damping, and of their eigenvalues where the form is not right."""
-        return form_scatter(problem, result, size, self.form_share)
+        """Return small deviations that the form has besides its parameters.
 
-    def allowed_squares(self, problem: FitProblem) -> Any:
-        """Return the mean squares that a right model may leave beyond noise, of each group."""
-        return problem.residuals(n_lines=FULL_LINES).allowed_squares()
+        ``size`` is that of the shifts of eigenvalues; the middle of what it may be unless given.
+        """
+        return problem.small_deviations(result, size, self.form_share)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,8 @@ from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.forecast.grid import Grid
 from updating.forecast.look import Look
-from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.problem import Problem
 
 N_FULL_BAND, N_LOW, N_DAMPED = 44, 24, 24
 """Lines of the full band, of the low one, and of damped FRFs, at which candidates are evaluated."""
@@ -50,7 +51,7 @@ class Screened:
 
 
 def screen(
-    problem: FitProblem, bases: Sequence[FitResult], grids: Sequence[Grid], *, far: bool
+    problem: Problem[Any], bases: Sequence[FitResult], grids: Sequence[Grid], *, far: bool
 ) -> tuple[Screened, ...]:
     """Put the candidates that the data see in the order in which they deserve a fit.
 
@@ -65,19 +66,23 @@ def screen(
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
     bases : sequence of FitResult
         The model so far, with the effects already found; gains are over the first.
     grids : sequence of Grid
     """
     if not grids:
         return ()
-    looks = [look_at(problem, base, far=far) for base in bases]
+    looks = [look for base in bases for look in looks_at(problem, base, far=far)]
     each = [[best_starts(look, grid) for look in looks] for grid in grids]
     tried = [[start for by_look in of_grid for start in by_look] for of_grid in each]
-    now = looks[0].cost_now
+    now = {look.all_belong: look.cost_now for look in reversed(looks)}
     gains = [
-        now - min(cost for by_look in of_grid for cost, _ in (by_look[0], by_look[-1])) for of_grid in each
+        max(
+            now[look.all_belong] - min(by_look[0][0], by_look[-1][0])
+            for look, by_look in zip(looks, of_grid, strict=True)
+        )
+        for of_grid in each
     ]
     costs = np.array([[cost for cost, _ in starts] for starts in tried])
     rank = np.argsort(np.argsort(costs, axis=0, kind="stable"), axis=0)
@@ -86,7 +91,8 @@ def screen(
         if not np.isfinite(costs[i]).any():
             continue
         starts: list[Start] = []
-        for measure in np.argsort(rank[i], kind="stable"):
+        # Levels on the low band are no likelihoods: beside them the measures of one rank keep their order.
+        for measure in np.lexsort((np.zeros(len(rank[i])) if far else costs[i], rank[i])):
             cost, start = tried[i][measure]
             if np.isfinite(cost) and not any(
                 start.values == s.values and start.near is s.near for s in starts
@@ -96,15 +102,12 @@ def screen(
     return tuple(out)
 
 
-def screen_near(
-    problem: FitProblem, current: FitResult, grids: Sequence[Grid], linear: Floats
-) -> tuple[Screened, ...]:
+def screen_near(looks: Sequence[Look], grids: Sequence[Grid], linear: Floats) -> tuple[Screened, ...]:
     """Return the candidates that can be the best addition to a fit near the data, by their gains.
 
     They are looked at in the order of what they gain if all is ``linear``; infinite are the gains of those
     that are looked at on few points of their grids first.
     """
-    look = Look.of(problem, current, N_FULL_BAND, 0, MOST_VALUES)
     best, out = -np.inf, []
     for at_once in (True, False):
         for grid, gain in zip(grids, linear, strict=True):
@@ -112,12 +115,20 @@ def screen_near(
                 continue
             if not at_once:
                 few = Grid(grid.effect, grid.points[:: max(1, len(grid.points) // N_COARSE)])
-                gain = look.cost_now - float(look.levels(few)[0].min())
+                gain = max(look.cost_now - float(look.levels(few)[0].min()) for look in looks)
             if gain < best - OUTDONE and len(out) >= LEAST_GRIDS:
                 continue
-            cost, start = min(best_starts(look, grid), key=lambda each: each[0])
-            if np.isfinite(cost):
-                out.append(Screened(grid.effect, (start,), look.cost_now - cost))
+            each = [min(best_starts(look, grid), key=lambda start: start[0]) for look in looks]
+            by_gain = sorted(
+                (
+                    (look.cost_now - cost, k)
+                    for k, (look, (cost, _)) in enumerate(zip(looks, each, strict=True))
+                ),
+                reverse=True,
+            )
+            if np.isfinite(by_gain[0][0]):
+                starts = tuple(each[k][1] for gain, k in by_gain if np.isfinite(gain))
+                out.append(Screened(grid.effect, starts, by_gain[0][0]))
                 best = max(best, out[-1].gain)
     return tuple(sorted(out, key=lambda each: -each.gain))
 
@@ -130,8 +141,18 @@ def best_starts(look: Look, grid: Grid) -> list[tuple[float, Start]]:
     return [(cost, Start((point,), look.base)) for cost, point in best]
 
 
-def look_at(problem: FitProblem, base: FitResult, *, far: bool = False) -> Look:
+def look_at(problem: Problem[Any], base: FitResult, *, far: bool = False) -> Look:
     """Look at candidates from where a fit is; if that is far from the data, in the low band, too."""
-    if problem.decay:  # broad resonances: few lines, and the full band is as good as a low one
-        return Look.of(problem, base, N_DAMPED, 0, MOST_VALUES)
-    return Look.of(problem, base, N_FULL_BAND, N_LOW if far else 0, MOST_VALUES)
+    return looks_at(problem, base, far=far)[0]
+
+
+def looks_at(problem: Problem[Any], base: FitResult, *, far: bool) -> tuple[Look, ...]:
+    """Return the same with the look that takes no reading for a bad one; see :meth:`Look.several`."""
+    if problem.has_broad_resonances:  # few lines, and the full band is as good as a low one
+        return Look.several(problem, base, N_DAMPED, 0, MOST_VALUES)
+    return Look.several(problem, base, N_FULL_BAND, N_LOW if far else 0, MOST_VALUES)
+
+
+def looks_near(problem: Problem[Any], base: FitResult) -> tuple[Look, ...]:
+    """Return looks at candidates from a fit that is near the data."""
+    return Look.several(problem, base, N_FULL_BAND, 0, MOST_VALUES)

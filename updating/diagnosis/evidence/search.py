@@ -40,7 +40,7 @@ from updating.diagnosis.evidence.hypothesis import (
     values_of,
 )
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.ranking import FrfRanking, RankedBlocks, Ranking
+from updating.diagnosis.evidence.ranking import RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
 from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
@@ -211,7 +211,7 @@ class Search(Generic[P]):
     tell: Say = lambda text: None
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     scanned: tuple[Scanned, ...] = ()
-    ranking: InitVar[Ranking] = FrfRanking()  # noqa: RUF009 - it holds nothing
+    ranking: InitVar[Ranking] = Ranking()  # noqa: RUF009 - it holds nothing
     workers: Workers = ALONE
     beforehand: InitVar[float] = 0.0
     budget: Budget = NORMAL
@@ -828,5 +828,4 @@ class Search(Generic[P]):
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
-        allowed = self.fits.ranking.allowed_squares(self.fits.problem)
-        return best.score + best.fitted.gain_to(allowed) - UNKNOWN_ODDS
+        return best.score + best.fitted.gain_to(self.fits.problem.allowed_squares()) - UNKNOWN_ODDS

@@ -1,0 +1,143 @@
+"""What effects do to the residuals of measured FRFs: exact, by low-rank updates of a solved state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, parameter_values
+from fem.reduction.local_changes import LocalChanges
+from fem.reduction.terms import ReducedTerm
+from updating.correlation import complex_log
+from updating.inference.defaults import FULL_LINES
+from updating.inference.residual_changes import Complexes, Floats, ResidualChanges
+
+if TYPE_CHECKING:
+    from updating.inference.fit import FitProblem
+    from updating.inference.fit_result import FitResult
+
+VISIBLE = 1e-3
+"""Changes of the compared FRFs below this are not seen: the directions measured do not have them [nepers]."""
+MOST_RESPONSES = 20_000_000
+"""Largest number of responses of all DOFs, to sensors and forces at all lines, that are kept."""
+LEAST_LINES = 12
+"""Lines that are kept of them in any case."""
+
+
+@dataclass(eq=False)
+class FrfChanges(ResidualChanges):
+    """Changes of the log ratios at a few lines.
+
+    Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
+    (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each.
+    """
+
+    problem: FitProblem
+    lines: NDArray[np.int64]
+    at: NDArray[np.int64]
+    measured: Complexes
+    weight: Floats
+    # By the constraints that an effect releases.
+    _solved: dict[tuple[tuple[str, str], ...], LocalChanges] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    @classmethod
+    def of(
+        cls, problem: FitProblem, base: FitResult, n_full: int | None, n_low: int, most: int
+    ) -> FrfChanges:
+        """Solve the model of a fit at some lines; parameters as of :meth:`Problem.changes_at`."""
+        problem = problem.unloaded(base)
+        full = problem.lines_up_to(np.inf, n_lines(problem) if n_full is None else n_full)
+        low = problem.lines_up_to(problem.stages[0], n_low)
+        function = problem.function(base.effects, [parameter_values(e) for e in base.effects], full)
+        data, lines = problem.data, np.concatenate([full, low])
+        n_first = int(np.prod(data.mask[full].shape))
+        flat = np.flatnonzero(data.mask[lines])
+        of_full, of_low = flat[flat < n_first], flat[flat >= n_first]
+        some = _some(len(of_full), most)
+        at = np.concatenate([of_full[some], of_low[_some(len(of_low), most)]])
+        return cls(
+            base=base,
+            function=function,
+            x=function.moved_to(base),
+            some=some,
+            full_band=at < n_first,
+            problem=problem,
+            lines=lines,
+            at=at,
+            measured=data.H[lines].ravel()[at],
+            weight=data.weight[lines].ravel()[at],
+        )
+
+    @cached_property
+    def now(self) -> Complexes:
+        """The weighted residuals of the fit, (m,)."""
+        return self.residuals([self.solved(()).H])[0]
+
+    @cached_property
+    def resolution(self) -> Floats:
+        """Changes of the residuals below these are not seen, (m,) [nepers]."""
+        return np.full(len(self.at), VISIBLE)
+
+    def by_terms(self, released: Sequence[tuple[str, str]], terms: Sequence[ReducedTerm]) -> Complexes:
+        """Return the changes by terms added to the matrices, (n, m); NaN where there is no structure."""
+        H = self.solved(tuple(released)).with_terms(terms)
+        possible = np.array([bool(np.isfinite(each).all()) for each in H], dtype=bool)
+        return np.where(possible[:, None], self.residuals(H) - self.now, complex("nan"))
+
+    def has_slope(self, effect: Effect) -> bool:
+        """Whether an effect changes the receptances by -Hₒ ΔZ Hᵢ: not what releases a constraint."""
+        return not effect.released()
+
+    def slopes(self) -> Callable[[Sequence[Effect]], Complexes]:
+        """Return a function that gives the changes by small effects to the first order, (n, m).
+
+        From the responses at all DOFs and the effects' own few element matrices: nothing is projected.
+        """
+        fields, model = self.solved(()).fields(), self.problem.reduced.model
+        H = self.solved(()).H.ravel()[self.at]
+
+        def of(effects: Sequence[Effect]) -> Complexes:
+            if not effects:
+                return np.zeros((0, len(self.at)), complex)
+            dH = np.stack([fields.slope(model.parts_of(e), e.connection) for e in effects])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                d = self.problem.data.seen(self.weight * dH.reshape(len(dH), -1)[:, self.at] / H)
+            return np.where(np.isfinite(d), d, 0.0)
+
+        return of
+
+    def residuals(self, H: Sequence[Complexes]) -> Complexes:
+        """Return the weighted residuals (n, m) of n receptances (n_lines, n_out, n_in)."""
+        computed = np.array([each.ravel()[self.at] for each in H]).reshape(len(H), len(self.at))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            r: Any = self.weight * self.problem.data.seen(complex_log(computed / self.measured))
+        return np.where(np.isfinite(r), r, 0.0)
+
+    def solved(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
+        """Return the model solved at the lines, without the constraints that an effect releases."""
+        if released not in self._solved:
+            p, base = self.problem, self.base
+            f, refs = p.data.frequency[self.lines], list(base.values)
+            engine = p.engine(f, refs, base.effects, released, channels=base.channels)
+            zeta = p.damping.ratio(f, base.zeta)
+            self._solved[released] = LocalChanges.of(engine, np.array([base.values[r] for r in refs]), zeta)
+        return self._solved[released]
+
+
+def n_lines(problem: FitProblem) -> int:
+    """Return at how many lines the responses of all DOFs are kept."""
+    frf = problem.data.measurement.frf
+    responses = problem.reduced.model.n_dof * (len(frf.outputs) + len(frf.inputs))
+    return min(FULL_LINES, max(MOST_RESPONSES // responses, LEAST_LINES))
+
+
+def _some(n: int, most: int) -> NDArray[np.int64]:
+    """Return at most ``most`` of n positions, scattered: a fixed step might miss channels entirely."""
+    return np.sort(np.random.default_rng(0).permutation(n)[:most])

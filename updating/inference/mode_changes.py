@@ -1,0 +1,244 @@
+"""What effects do to the residuals of measured modes, by the modal basis of the fitted model.
+
+A change of the matrices moves an eigenvalue by φᵀ(dK - λ dM)φ and mixes the shapes of other modes into its
+own: all from the modal basis, so that a candidate costs the same on any mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect, parameter_values
+from fem.reduction.parametric_modes import DampedMode, ModesAt
+from fem.reduction.terms import ReducedTerm, motions_of
+from updating.inference.residual_changes import Complexes, Floats, ResidualChanges
+
+if TYPE_CHECKING:
+    from updating.inference.fit_result import FitResult
+    from updating.inference.mode_fit import MetModes, ModeFunction, ModeProblem, Partners
+
+VISIBLE = 0.1
+"""Changes of the data below this are not seen: what was measured does not have them [standard deviations]."""
+HIGHEST = 4.0
+"""Modes up to this multiple of the highest measured frequency make the space of changes on grids."""
+MOST_FORCES = 6
+"""Effects with more independent forces act on whole members; the modal basis represents them."""
+SAME_FORCE = 1e-6
+"""Forces that differ by less are one [-]."""
+
+Key = tuple[tuple[str, str], ...]
+
+
+@dataclass(eq=False)
+class ModeChanges(ResidualChanges):
+    """Changes of the residuals of modes, however these are weighted."""
+
+    problem: ModeProblem
+    function: ModeFunction
+
+    @classmethod
+    def of(cls, problem: ModeProblem, base: FitResult) -> ModeChanges:
+        """Return the changes at a fit; unknowns that it lacks, as an effect took their place, are nominal."""
+        values = [parameter_values(e) for e in base.effects]
+        function = problem.function(base.effects, values, problem.targets.fitted)
+        every = np.arange(len(function.groups))
+        return cls(base, function, function.moved_to(base), every, np.ones(len(every), dtype=bool), problem)
+
+    @cached_property
+    def modes(self) -> ModesAt:
+        """The modes of the fit."""
+        return self.function.modes_at(self.x)
+
+    @cached_property
+    def found(self) -> tuple[Complexes, Partners]:
+        """Residuals of the fit, and its partners of the measured modes."""
+        return self.function.residuals(self.modes)
+
+    @property
+    def now(self) -> Complexes:
+        """The weighted residuals of the fit, (m,)."""
+        return self.found[0]
+
+    @cached_property
+    def resolution(self) -> Floats:
+        """Changes of the residuals below these are not seen, (m,) [-]."""
+        return VISIBLE * self.function.least_deviations
+
+    def has_slope(self, effect: Effect) -> bool:
+        """Return True: of a constraint that gives way a little the inertia on it tells."""
+        return True
+
+    def slopes(self) -> Callable[[Sequence[Effect]], Complexes]:
+        """Return a function that gives the changes by small effects to the first order, (n, m)."""
+        return self._slopes
+
+    def _slopes(self, effects: Sequence[Effect]) -> Complexes:
+        out = np.zeros((len(effects), len(self.now)), dtype=complex)
+        base, partners = self.modes, self.found[1]
+        free = [n for n, e in enumerate(effects) if not e.released()]
+        terms = [self._restricted(self.problem.reduced.value_of(effects[n])) for n in free]
+        out[free] = self.function.slopes(base, partners, list(enumerate(terms)), len(free))
+        constrained = [n for n, e in enumerate(effects) if e.released()]
+        each = [self._opened(effects[n]) for n in constrained]
+        out[constrained] = self.function.slopes(
+            base,
+            partners,
+            [(k, o.term) for k, o in enumerate(each)],
+            len(constrained),
+            lambda mode: np.stack([o.moved(mode) for o in each]),
+        )
+        return out
+
+    def by_terms(self, released: Sequence[tuple[str, str]], terms: Sequence[ReducedTerm]) -> Complexes:
+        """Return the changes by terms added to the matrices, (n, m); NaN where there is no structure."""
+        released, around = tuple(released), dict[Any, ModesAt]()
+        met: dict[int, MetModes] = {}
+        for n, term in enumerate(terms):
+            if term.place not in around:
+                around[term.place] = self.around(released, term)
+            larger, term = self._with_lacking(around[term.place], term)
+            with suppress(np.linalg.LinAlgError, ValueError):  # no structure
+                met[n] = self.function.met(larger.with_term(term))
+        out = np.full((len(terms), len(self.now)), np.nan, dtype=complex)
+        if met:
+            out[list(met)] = self.function.residuals_of(list(met.values())) - self.now
+        return out
+
+    def _restricted(self, term: ReducedTerm) -> ReducedTerm:
+        P = self.modes.columns
+        if term.L is not None:
+            return replace(term, L=term.L @ P)
+        each = {key: None if (X := getattr(term, key)) is None else P.T @ X @ P for key in "KMCD"}
+        return replace(term, **each, laws=tuple((f, P.T @ X @ P) for f, X in term.laws))
+
+    def _opened(self, effect: Effect) -> Opened:
+        """Return what a connection does that gives way a little."""
+        basis, reduced = self.problem.reduced.basis, self.problem.reduced
+        columns = [basis.n_main + basis.keys.index(key) for key in effect.released()]
+        term = reduced.value_of(effect)
+        stiff: Any = term.dense("K")
+        for factor, X in term.laws:
+            stiff = stiff + abs(complex(np.median(factor(self.modes.omega)))) * term.spread(X)
+        k = stiff[np.ix_(columns, columns)] if np.ndim(stiff) else np.eye(len(columns)) * 1e30
+        forces = [(self.modes.columns.T @ reduced.base_sum[key][:, columns]).T for key in "KM"]
+        compliance: Any = np.linalg.pinv(k)
+        return Opened(compliance, forces[0], forces[1], self.problem.outputs()[columns])
+
+    def around(self, released: Key, term: ReducedTerm) -> ModesAt:
+        """Return the modes without some constraints, in the space of the lower modes and of a term's forces.
+
+        Those of a connection that becomes soft are no sum of the modes of a stiff one.
+        """
+        at, V = self._lower(tuple(released))
+        if released or (forces := self._forces(term)) is None:
+            return at.on(V)
+        vectors, lam = self.modes.pairs(0).vectors, self.modes.pairs(0).eigenvalues
+        high = lam > (2 * np.pi * self._top) ** 2
+        still = vectors[:, high] @ ((vectors[:, high].T @ forces) / lam[high, None])
+        return at.on(np.hstack([V, _independent_columns(still)]))
+
+    def _with_lacking(self, at: ModesAt, term: ReducedTerm) -> tuple[ModesAt, ReducedTerm]:
+        """Return modes and a term on a basis that has the responses to the term's forces as well.
+
+        What a hinge lets turn has mass: with the flexibility alone it would turn too late.
+        """
+        if term.L is None or term.dofs is None or term.K is None or not term.K.any() or term.laws:
+            return at, term
+        lacking = self.problem.reduced.lacking(term.dofs, motions_of([term.K])[0])
+        if lacking is None:
+            return at, term
+        return (
+            at.with_lacking(lacking, term.stiffer, self._heavier),
+            replace(term, L=np.hstack([term.L, lacking.motion])),
+        )
+
+    @cached_property
+    def _heavier(self) -> float:
+        """The ratio of the mass to the nominal one."""
+        P = self.modes.columns
+        nominal = np.einsum("ik,ij,jk->", P, self.problem.reduced.base_sum["M"], P, optimize=True)
+        return float(np.trace(self.modes.mass) / nominal)
+
+    @cached_property
+    def _top(self) -> float:
+        return HIGHEST * float(self.problem.targets.frequency[-1])
+
+    def _lower(self, released: Key) -> tuple[ModesAt, Floats]:
+        """Return the model without some constraints, its lower modes with them and what opens each."""
+        if released not in self._spaces:
+            at, pairs = self.modes, self.modes.pairs(0)
+            V = pairs.vectors[:, pairs.frequency <= self._top]
+            if released:
+                at = self.function.modes_at(self.x, released)
+                lower = at.columns.T @ (self.modes.columns @ V)
+                more = [int(np.flatnonzero(at.columns[self._column(k)])[0]) for k in released]
+                V = np.hstack([lower, np.eye(len(lower))[:, more]])
+            self._spaces[released] = at, V
+        return self._spaces[released]
+
+    def _forces(self, term: ReducedTerm) -> Floats | None:
+        """Return a term's forces on the reduced coordinates (r, k); None where it acts on much."""
+        if term.L is None:
+            return None
+        parts = [X for X in (term.K, term.M, *(X for _, X in term.laws)) if X is not None and X.any()]
+        U = _independent_columns(np.hstack([np.zeros((len(term.L), 0)), *parts]))
+        return (term.L @ self.modes.columns).T @ U if 0 < U.shape[1] <= MOST_FORCES else None
+
+    @cached_property
+    def _spaces(self) -> dict[Key, tuple[ModesAt, Floats]]:
+        return {}
+
+    def _column(self, key: tuple[str, str]) -> int:
+        basis = self.problem.reduced.basis
+        return basis.n_main + basis.keys.index(key)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """A constraint that gives way a little under the forces on it, f = (K_cu - ω² M_cu) x by motions x.
+
+    What opens the constraint is in static equilibrium elsewhere, so that nearly all of f is inertia.
+
+    Attributes
+    ----------
+    compliance : ndarray (c, c)
+    stiffness, mass : ndarray (c, r)
+        K_cu and M_cu.
+    outputs : ndarray (c, n_out)
+        Motion of the sensors where the constraint opens.
+    """
+
+    compliance: Floats
+    stiffness: Floats
+    mass: Floats
+    outputs: Floats
+
+    @property
+    def term(self) -> ReducedTerm:
+        """The change of the dynamic stiffness, -fᵀ k⁻¹ f, in powers of -ω²."""
+        powers = np.diag([1.0, 0.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([0.0, 1.0])
+        laws = tuple((partial(_power, n), np.kron(which, -self.compliance)) for n, which in enumerate(powers))
+        return ReducedTerm(np.vstack([self.stiffness, self.mass]), None, None, None, None, laws)
+
+    def moved(self, mode: DampedMode) -> NDArray[Any]:
+        """Return the motion of the sensors by the opening in a mode, (n_out,)."""
+        force = self.stiffness @ mode.vector - mode.eigenvalue.real * (self.mass @ mode.vector)
+        return -(self.compliance @ force) @ self.outputs
+
+
+def _power(n: int, omega: Floats) -> Floats:
+    return (-(omega**2)) ** n
+
+
+def _independent_columns(A: Floats) -> Floats:
+    """Return an orthonormal basis of the columns of a matrix, each of which counts as much."""
+    size = np.linalg.norm(A, axis=0)
+    U, s, _ = np.linalg.svd(A[:, size > 0] / size[size > 0], full_matrices=False)
+    return U[:, s > SAME_FORCE * s.max(initial=0.0)]

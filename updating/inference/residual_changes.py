@@ -1,0 +1,72 @@
+"""What effects added to a fitted model do to its residuals: all that differs between kinds of data."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fem.model import Effect
+from fem.reduction.terms import ReducedTerm
+from updating.inference.fit_function import FitFunction
+from updating.inference.fit_result import FitResult
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(eq=False)
+class ResidualChanges(ABC):
+    """The residuals of a fitted model, m in all, and their changes by effects.
+
+    Attributes
+    ----------
+    base : FitResult
+    function : FitFunction
+        The residuals, as a function of what varies in the fit.
+    x : ndarray (n,)
+        Unknowns of the fit.
+    some : ndarray of int
+        Residuals of ``function`` that are used.
+    full_band : ndarray of bool (m,)
+        Which are those, in their order; the others are of a low band.
+    """
+
+    base: FitResult
+    function: FitFunction[Any]
+    x: Floats
+    some: NDArray[np.int64]
+    full_band: NDArray[np.bool_]
+
+    @property
+    @abstractmethod
+    def now(self) -> Complexes:
+        """The weighted residuals of the fit, (m,)."""
+
+    @property
+    @abstractmethod
+    def resolution(self) -> Floats:
+        """Changes of the residuals below these are not seen, (m,)."""
+
+    @abstractmethod
+    def by_terms(self, released: Sequence[tuple[str, str]], terms: Sequence[ReducedTerm]) -> Complexes:
+        """Return the changes by terms added to the matrices, (n, m); NaN where there is no structure.
+
+        Parameters
+        ----------
+        released : sequence of (str, str)
+            Constraints of the model that do not hold with the terms.
+        terms : sequence of ReducedTerm
+        """
+
+    @abstractmethod
+    def has_slope(self, effect: Effect) -> bool:
+        """Whether :meth:`slopes` are those of an effect: of some its matrices alone do not tell."""
+
+    @abstractmethod
+    def slopes(self) -> Callable[[Sequence[Effect]], Complexes]:
+        """Return a function that gives the changes by small effects to the first order, (n, m)."""
