@@ -137,9 +137,10 @@ class FrfRanking:
         far: bool = False,
     ) -> tuple[Screened, ...]:
         """Return candidates by the likelihood that they reach on grids of their parameters."""
-        grids = [Grid.of(problem, e) for e in effects]
         if against is not None:
-            return self._screened_near(problem, current, effects, grids, against)
+            forecast = Forecast.at(problem, current, effects, n_places=MOST_PLACES)
+            return screened_near(problem, current, forecast, np.array([against(e) for e in effects]))
+        grids = [Grid.of(problem, e) for e in effects]
         # Damped FRFs bend nothing.
         bases = (current,) if problem.decay else (current, problem.at_nominal(current))
         if len(grids) > MOST_GRIDS:
@@ -150,36 +151,6 @@ class FrfRanking:
     def log_evidence(self, problem: FitProblem, current: FitResult, effects: Sequence[Effect]) -> Floats:
         """Return the same by the forecast at the fit."""
         return Forecast.at(problem, current, effects, n_places=MOST_PLACES).log_evidence
-
-    def _screened_near(
-        self,
-        problem: FitProblem,
-        current: FitResult,
-        effects: Sequence[Effect],
-        grids: Sequence[Grid],
-        against: Against,
-    ) -> tuple[Screened, ...]:
-        """Return all candidates: those that may win as their grids have them, the others by the forecast."""
-        forecast = Forecast.at(problem, current, effects, n_places=MOST_PLACES)
-        linear, evidence = forecast.best_gains, forecast.log_evidence
-        # What releases a constraint is no small change: a look decides.
-        gains = np.where([bool(e.released()) for e in effects], np.inf, linear)
-        promised = gains - np.array([against(e) for e in effects])
-        order = [int(i) for i in np.argsort(-promised, kind="stable")]
-        deserves = promised > 0.0
-        deserves[[i for i in order if np.isfinite(promised[i])][:LEAST_GRIDS]] = True
-        kept = [i for i in order if deserves[i]]
-        looked = screen_near(problem, current, [grids[i] for i in kept], gains[kept])
-        number = {e.name: i for i, e in enumerate(effects)}
-        out = []
-        for s in looked:
-            i = number.pop(s.effect.name)
-            more = s.gain - max(float(linear[i]), 0.0)
-            out.append(replace(s, log_evidence=float(evidence[i]) + more))
-        return (
-            *out,
-            *(Screened(effects[i], (), float(linear[i]), float(evidence[i])) for i in number.values()),
-        )
 
     def blocks(self, problem: FitProblem, current: FitResult, *, far: bool) -> RankedBlocks:
         """Return a function that ranks groups by their slopes, at fitted and at nominal parameters."""
@@ -201,3 +172,39 @@ class FrfRanking:
     def allowed_squares(self, problem: FitProblem) -> Any:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         return problem.residuals(n_lines=FULL_LINES).allowed_squares()
+
+
+def screened_near(
+    problem: FitProblem, current: FitResult, forecast: Forecast, against: Floats
+) -> tuple[Screened, ...]:
+    """Return all candidates: those that may win as their grids have them, the others by the forecast.
+
+    Parameters
+    ----------
+    problem : FitProblem
+    current : FitResult
+        A fit near the data, at which the forecast is.
+    forecast : Forecast
+    against : ndarray (n_candidates,)
+        What each candidate must gain [nats].
+    """
+    effects, grids = forecast.candidates, [little.grid for little in forecast.littles]
+    linear, evidence = forecast.best_gains, forecast.log_evidence
+    # What releases a constraint is no small change: a look decides.
+    gains = np.where([bool(e.released()) for e in effects], np.inf, linear)
+    promised = gains - against
+    order = [int(i) for i in np.argsort(-promised, kind="stable")]
+    deserves = promised > 0.0
+    deserves[[i for i in order if np.isfinite(promised[i])][:LEAST_GRIDS]] = True
+    kept = [i for i in order if deserves[i]]
+    looked = screen_near(problem, current, [grids[i] for i in kept], gains[kept])
+    number = {e.name: i for i, e in enumerate(effects)}
+    out = []
+    for s in looked:
+        i = number.pop(s.effect.name)
+        more = s.gain - max(float(linear[i]), 0.0)
+        out.append(replace(s, log_evidence=float(evidence[i]) + more))
+    return (
+        *out,
+        *(Screened(effects[i], (), float(linear[i]), float(evidence[i])) for i in number.values()),
+    )
