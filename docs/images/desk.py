@@ -162,7 +162,7 @@ def two(folder: Path) -> None:
         tab.press("Fit uncertain parameters")
         tab.until(0, tab.error() - 0.2)
         told("fit uncertain parameters")
-        page.get_by_text("Prediction error that each candidate would leave", exact=False).wait_for()
+        page.get_by_text("Gain of each candidate", exact=False).wait_for()
         take(page, "desk-two-1")
         added("joint J", TURNING)
         typed(f"stiffness of {TURNING}, N·m/rad", "399")

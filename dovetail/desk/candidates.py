@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
 from nicegui import ui
 
 from dovetail.desk.session import Desk
@@ -21,6 +22,7 @@ from fem.declarations import Environment
 from fem.model import parameter_values
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
+from updating.live.ranking import Promise, RankedCandidates
 
 N_RANKED = 8
 """Best candidates that are listed [-]."""
@@ -44,7 +46,7 @@ class CandidateList:
     desk : Desk
     act : callable
     rank : callable
-        Ranks candidates by their names.
+        Ranks all candidates.
     chosen : callable
         Called when another spot is chosen.
     """
@@ -53,7 +55,7 @@ class CandidateList:
         self,
         desk: Desk,
         act: Act,
-        rank: Callable[[tuple[str, ...]], None],
+        rank: Callable[[], None],
         chosen: Callable[[], None],
     ) -> None:
         self._desk, self._act, self._chosen = desk, act, chosen
@@ -62,7 +64,7 @@ class CandidateList:
             with ui.element("div").classes("desk-row"):
                 spots = {"": "everywhere", **{name: name for name in desk.spots}}
                 self._choice = choice("Place", spots, "", self._choose, width=180)
-                button("Rank", lambda: rank(self._names()), "sort", label="Rank these candidates")
+                button("Rank", rank, "sort", label="Rank candidates")
             self._found = ui.element("div").classes("desk-lines")
             self._best = ui.element("div").classes("desk-lines")
             with ui.element("div").classes("desk-list"):
@@ -155,23 +157,29 @@ class CandidateList:
         return f"{place(effect.where)} – {parameters}"
 
     def _ranking(self) -> None:
-        desk = self._desk
+        desk, ranking = self._desk, self._desk.ranking
         names = set(self._names())
-        best = [p for p in desk.ranking if p.effect.name in names][:N_RANKED]
+        best = [p for p in ranking.promises if p.effect.name in names][:N_RANKED]
         if not best:
             return
         old = desk.ranked_beside is not desk.now.hypothesis
-        when = " for an earlier hypothesis; rank again for the present one" if old else ""
-        text = f"Prediction error that each candidate would leave, before refitting{when}:"
-        ui.label(text).classes("desk-note")
+        ui.label(ranking_text(ranking, old=old)).classes("desk-note")
         for promise in best:
             effect = promise.effect
             with ui.element("div").classes("desk-row"):
-                ui.label(f"{promise.level_db:.2f} dB").style("width: 64px")
-                ui.label(effect_label(effect.kind, effect.where)).style("flex: 1")
-                values = parameter_values(effect)
-                add = partial(self._add, effect.name, **values)
+                ui.label(gain_text(promise)).style("width: 64px")
+                if not ranking.far:
+                    ui.label(percent(promise.probability)).style("width: 64px")
+                values = parameters_text(promise.parameters)
+                label = f"{effect_label(effect.kind, effect.where)}: {values}"
+                ui.label(label).style("flex: 1; min-width: 0")
+                add = partial(self._add, effect.name, **parameter_values(effect))
                 button("", add, "add", label=f"Add {effect.name} as ranked")
+        if not ranking.far:
+            others = (
+                f"nothing more {percent(ranking.nothing)}, no single candidate {percent(ranking.unknown)}"
+            )
+            ui.label(f"Probability of the other answers: {others}.").classes("desk-note")
 
     def _diagnosis(self) -> None:
         desk = self._desk
@@ -205,3 +213,19 @@ class CandidateList:
                 if ranked.name in desk.candidates:
                     add = partial(self._add, ranked.name, **{p.name: p.value for p in ranked.parameters})
                     button("", add, "add", label=f"Add {ranked.name} as diagnosed")
+
+
+def ranking_text(ranking: RankedCandidates, *, old: bool) -> str:
+    """Return what the numbers of a ranking mean."""
+    when = " for an earlier hypothesis (rank again for the present one)" if old else ""
+    if ranking.far:
+        return (
+            f"Gain of each candidate{when}. The hypothesis is far from the data: only the order says "
+            "something. Fits decide."
+        )
+    return f"Gain of each candidate{when}, and its probability; all that is uncertain follows:"
+
+
+def gain_text(promise: Promise) -> str:
+    """Return what a candidate gains, in nats."""
+    return f"{promise.gain:.1f} nats" if np.isfinite(promise.gain) else "not seen"

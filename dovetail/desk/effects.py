@@ -13,7 +13,6 @@ from dovetail.desk.session import Desk
 from dovetail.desk.widgets import Act, button, card, check, labelled
 from dovetail.report.words import effect_label, number
 from fem.model import Effect, Parameter, parameter_values
-from updating.live.ranking import twins
 from updating.live.weighing import Weighed, WeighedChannel
 
 THROTTLE = 0.03
@@ -267,7 +266,7 @@ class EffectList:
 
     def _twins(self, name: str) -> None:
         desk = self._desk
-        alike = [t for t in twins(desk.ranking, name) if t[0].effect.name in desk.candidates][:N_TWINS]
+        alike = desk.ranking.twins(name)[:N_TWINS]
         if not alike:
             return
         ui.label("Alternatives with a similar change of the FRFs:").classes("desk-note")

@@ -335,10 +335,10 @@ class Page:
                 ui.notify(f"corrected: {fault_text(fault)}", multi_line=True)
         few = len(self.desk.candidates) <= RANKED_UNASKED
         if few and not self.searches.busy and not self.desk.now.hypothesis.effects:
-            self._rank(())
+            self._rank()
 
-    def _rank(self, names: tuple[str, ...]) -> None:
-        self.searches.start(lambda: self.desk.rank(names), self._ranked)
+    def _rank(self) -> None:
+        self.searches.start(self.desk.rank, self._ranked)
 
     def _ranked(self, job: Job) -> None:
         self.desk.ranking = job.result

@@ -33,7 +33,7 @@ from updating.inference.workers import cores
 from updating.live.engine import Evaluation, LiveModel
 from updating.live.fitting import fit_all, fit_effect, fit_uncertain
 from updating.live.hypothesis import Hypothesis
-from updating.live.ranking import Promise, rank
+from updating.live.ranking import RankedCandidates, rank
 from updating.live.sensitivity import (
     FrequencySensitivity,
     Sensitivity,
@@ -47,7 +47,7 @@ from updating.quality.corrections import Fault
 NOMINAL = "nominal model"
 FITTED = "uncertain parameters fitted"
 RANKED_UNASKED = 500
-"""So many candidates are ranked after a fit without being asked for [-]."""
+"""At most this many candidates are ranked after each fit; more are ranked when the user asks [-]."""
 
 
 SAME_SPOT = 0.02
@@ -88,7 +88,7 @@ class Desk:
     def __init__(self, study: Study, live: LiveModel, history: History, journal: Path | None = None) -> None:
         self.study, self.live, self.history, self._journal = study, live, history, journal
         self.notes: list[str] = []
-        self.ranking: tuple[Promise, ...] = ()
+        self.ranking = RankedCandidates()
         self.ranked_beside = self.now.hypothesis
         self.diagnosis: Diagnosis | None = None
         self.mapped: tuple[Hypothesis, Plan] | None = None
@@ -376,11 +376,10 @@ class Desk:
         stair = Stair.of(f"{names}, fitted" if names else FITTED, self.live.evaluate(h))
         self.commit(self.now.moved(job.title, h).with_stair(stair))
 
-    def rank(self, names: tuple[str, ...] = ()) -> Job:
-        """Rank candidates beside the present hypothesis, all or some."""
-        h, chosen = self.now.hypothesis, names or tuple(self.candidates)
-        effects = [self.candidates[name] for name in chosen]
-        self.ranked_beside = h
+    def rank(self) -> Job:
+        """Rank all candidates beside the present hypothesis."""
+        h, effects = self._to_fit, list(self.candidates.values())
+        self.ranked_beside = self.now.hypothesis
         return Job("Rank candidates", lambda say: rank(self.live, h, effects, say)).start()
 
     def weigh(self, name: str) -> Weighed:

@@ -20,7 +20,6 @@ from updating.live import (
     frequency_sensitivities,
     rank,
     sensitivities,
-    twins,
     weigh,
 )
 
@@ -201,9 +200,9 @@ def test_the_missing_effect_promises_most(live, candidates, fitted):
         if e.kind in ("joint_stiffness", "joint_mass", "joint_complex_stiffness")
     ]
     ranked = rank(live, fitted, near, quiet)
-    assert ranked[0].effect.name == TURNING
+    assert ranked.promises[0].effect.name == TURNING
     # a complex stiffness about the same axis holds the same storage
-    assert [p.effect.name for p, _ in twins(ranked, TURNING)] == ["joint_complex_stiffness:J.rx"]
+    assert [p.effect.name for p, _ in ranked.twins(TURNING)] == ["joint_complex_stiffness:J.rx"]
 
 
 def test_what_speaks_for_an_effect(live, candidates, fitted):

@@ -7,9 +7,21 @@ from fem.lazy import names_on_use
 if TYPE_CHECKING:
     from updating.forecast.forecast import Forecast
     from updating.forecast.grid import Grid, Little
+    from updating.forecast.information import ExpectedGains, Information, without
     from updating.forecast.look import Look, candidate_terms, level
     from updating.forecast.sizes import Sizes
 else:
     __getattr__, __dir__ = names_on_use(__name__)
 
-__all__ = ["Forecast", "Grid", "Little", "Look", "Sizes", "candidate_terms", "level"]
+__all__ = [
+    "ExpectedGains",
+    "Forecast",
+    "Grid",
+    "Information",
+    "Little",
+    "Look",
+    "Sizes",
+    "candidate_terms",
+    "level",
+    "without",
+]

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from updating.live.engine import LiveModel
     from updating.live.fitting import fit_all, fit_effect, fit_uncertain
     from updating.live.hypothesis import Hypothesis
-    from updating.live.ranking import rank, twins
+    from updating.live.ranking import rank
     from updating.live.sensitivity import frequency_sensitivities, sensitivities
     from updating.live.weighing import weigh
 else:
@@ -23,6 +23,5 @@ __all__ = [
     "frequency_sensitivities",
     "rank",
     "sensitivities",
-    "twins",
     "weigh",
 ]

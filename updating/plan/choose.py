@@ -15,19 +15,19 @@ from updating.diagnosis.evidence.diagnosis import prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
+from updating.forecast.information import ExpectedGains, Information
 from updating.forecast.look import Look
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
+from updating.least_squares.levels import Levels
 from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Sensor
 from updating.plan.planned import USUAL_NOISE, as_planned, planned_measurement, usual_discrepancy
 from updating.plan.visibility import needed, odds_against, size_of, sized
 
-N_DOUBLED, N_HALVED = 5, 8
-"""Steps that enclose a multiple of squares, and halves of the range in which it then is."""
-LEAST = 1e-12
-"""Gains below this are none [nats]."""
+N_HALVED = 6
+"""Halves of the range of a multiple, to 1 %."""
 N_LINES = 24
 """Lines at which sensors are compared."""
 N_POSITIONS, N_OF_RIVALS = 6, 3
@@ -85,44 +85,19 @@ class _Worth:
 
     def margins(self, total: NDArray[np.floating]) -> Floats:
         """Return what relevant effects gain over what they need, over their worst rivals, (n_relevant,)."""
-        u, n = len(self.known), len(self.least)
-        each = np.asarray(total, dtype=float)
-        A = each.sum(axis=0)
-        C = np.linalg.solve(A[:u, :u] + np.diag(self.known), A[:u, u:])
-        F = A[u : u + n, u:] - A[:u, u : u + n].T @ C
-        norm_squared = np.maximum(np.diag(A)[u:] - (A[:u, u:] * C).sum(axis=0), 1e-300)
-        sine_squared = np.maximum(1 - F**2 / norm_squared[:n, None] / norm_squared, 0.0)
+        n = len(self.least)
+        found = Information(total, np.diag(self.known)).beyond(n)
+        sine_squared = 1 - found.cosines_squared
         sine_squared[np.arange(n), np.arange(n)] = 1.0
-        # remaining squares of each group, and of the prior
-        c = C[:, :n]
-        squares = np.einsum("gkk->kg", each[:, u : u + n, u : u + n]).copy()
-        squares -= 2 * np.einsum("guk,uk->kg", each[:, :u, u : u + n], c)
-        squares += np.einsum("uk,guv,vk->kg", c, each[:, :u, :u], c, optimize=True)
-        known = 0.5 * self.known @ c**2
         enough = np.diag(self.least[:, :n])
-        worth = self._worth(np.maximum(squares, 0.0) / self.data, known, enough)[:, None] * sine_squared
+        # what remains counts in parts of what is left otherwise
+        one, zero = np.ones_like(self.data), np.zeros_like(self.data)
+        left = ExpectedGains(Levels(self.data, one, zero), zero)
+        least = left.multiples(found.squares / self.data, found.known, enough, N_HALVED)
+        worth = (enough / least**2)[:, None] * sine_squared
         ratio = np.where(self.least > 0, worth / np.where(self.least > 0, self.least, 1.0), np.inf)
         out: Floats = ratio.min(axis=1)
         return out
-
-    def _worth(self, squares: Floats, known: Floats, enough: Floats) -> Floats:
-        """Return gains in proportion to squares that are enough where those of estimated levels are, (n,).
-
-        Of mean squares (n, n_groups) in parts of what is left otherwise.
-        """
-        low = enough / np.maximum(0.5 * squares @ self.data + known, LEAST)
-        high = low.copy()
-
-        def short(s: Floats) -> NDArray[np.bool_]:
-            return 0.5 * np.log1p(s[:, None] * squares) @ self.data + s * known < enough
-
-        for _ in range(N_DOUBLED):
-            high = np.where(short(high), 8 * high, high)
-        for _ in range(N_HALVED):
-            middle = np.sqrt(low * high)
-            under = short(middle)
-            low, high = np.where(under, middle, low), np.where(under, high, middle)
-        return enough / high
 
     def value(self, total: NDArray[np.floating]) -> float:
         """Return the share of effects that are distinguished, and how nearly the others are, on average."""

@@ -13,6 +13,7 @@ from fem.model import Effect, Model, ModelError, ParameterRef
 from updating.diagnosis.separation import places_along
 from updating.forecast.forecast import MOST_COMPARED
 from updating.forecast.grid import Grid
+from updating.forecast.information import Information, without
 from updating.forecast.look import Complexes, Look
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -138,11 +139,8 @@ class _State:
 
     def reduced(self) -> Floats:
         """Return the information of shared parameters and effects, without what is uncertain in this test."""
-        rows = np.vstack([self.shared, self.changes])
-        cross = rows @ self.errors.T
-        A = self.errors @ self.errors.T + np.diag(np.maximum(self.known, 1e-12))
-        out: Floats = rows @ rows.T - cross @ np.linalg.solve(A, cross.T)
-        return out
+        rows = np.vstack([self.errors, self.shared, self.changes])
+        return without(rows @ rows.T, np.diag(np.maximum(self.known, 1e-12)))
 
 
 def perturbed(
@@ -217,8 +215,8 @@ def _is_at(effect: Effect, other: Effect) -> bool:
 def _separation(information: Floats, known: Floats, pair: int) -> tuple[float, float]:
     """Return the gain of the first effect of a pair over the second, and the cosine between both."""
     u = len(known)
-    A = information[:u, :u] + np.diag(np.maximum(known, 1e-12))
-    k = [u + 2 * pair, u + 2 * pair + 1]
-    F = information[np.ix_(k, k)] - information[k, :u] @ np.linalg.solve(A, information[:u, k])
-    square = F[0, 1] ** 2 / max(F[0, 0] * F[1, 1], 1e-300)
-    return 0.5 * float(F[0, 0]) * max(1 - square, 0.0), float(np.sqrt(min(square, 1.0)))
+    some = [*range(u), u + 2 * pair, u + 2 * pair + 1]
+    precision = np.diag(np.maximum(known, 1e-12))
+    found = Information(information[np.ix_(some, some)][None], precision).beyond(2)
+    square = float(found.cosines_squared[0, 1])
+    return 0.5 * float(found.lengths[0]) * (1 - square), float(np.sqrt(square))

@@ -18,13 +18,13 @@ from fem.model import Effect, covers
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Little, distance
+from updating.forecast.information import ExpectedGains, Information
 from updating.inference.effect_priors import log_occam_factor
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
-from updating.least_squares.levels import Levels
 from updating.least_squares.loss import pseudo_huber
 
 POWER = 0.9
@@ -262,88 +262,28 @@ def level_left(forecast: Forecast, discrepancy: float | None, averaged: float = 
     return level + noise + discrepancy**2
 
 
-def _learned(forecast: Forecast) -> tuple[Floats, Floats]:
-    """Return what the data say of combinations of uncertain parameters, (n,), and each group's part, (n, g).
-
-    Shares of all that is known of them afterwards. With a larger misfit the data say less, and the evidence
-    takes less for parameters that are free: that counts for the wrong model.
-    """
+def _expected(forecast: Forecast, discrepancy: float | None, averaged: float) -> ExpectedGains:
+    """Return the gains that are to be expected of what a forecast has looked at."""
     look, m = forecast.look, len(forecast.look.share)
     J, known = look.slopes[:, : 2 * m] * np.sqrt(np.tile(look.weights[:m], 2)), look.slopes[:, 2 * m :]
     groups = np.tile(look.share > 0, (2, 1)).T
-    information = [J[:, here] @ J[:, here].T for here in groups]
-    total = np.sum(information, axis=0) + known @ known.T
-    L = np.linalg.cholesky(total + 1e-9 * np.diag(total.diagonal()))
-    parts = [np.linalg.solve(L, np.linalg.solve(L, A).T) for A in information]
-    values, U = np.linalg.eigh(np.sum(parts, axis=0))
-    return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _ExpectedGains:
-    """Gains of multiples of small changes.
-
-    ½ (a |v|)² as long as the change is small beside what a right model leaves; beyond, its logarithm.
-    """
-
-    levels: Levels
-    squares: Floats
-    level: Floats
-    learned: Floats
-    by_group: Floats
-
-    @classmethod
-    def of(cls, forecast: Forecast, discrepancy: float | None, averaged: float) -> "_ExpectedGains":
-        level = level_left(forecast, discrepancy, averaged)
-        return cls(forecast.look.likelihood, forecast.squares, level, *_learned(forecast))
-
-    @property
-    def _beyond(self) -> Floats:
-        return self.level - self.levels.noise
-
-    @property
-    def _least(self) -> Floats:
-        return self.levels.least + np.maximum(self._beyond, 0.0)
-
-    @property
-    def slope(self) -> Floats:
-        """Gains of very small changes over the squares of their multiples, (n,)."""
-        return 0.5 * self.squares[:, :-1] @ (self.levels.n / self._least) + self.squares[:, -1]
-
-    def gains(self, a: Floats) -> Floats:
-        """Return the expected gains (n,) of multiples (n,) [nats]."""
-        levels = self.levels
-        beyond = self._beyond + a[:, None] ** 2 * self.squares[:, :-1]
-        v, below = np.maximum(beyond, 0.0), np.minimum(beyond, 0.0)
-        cost = 0.5 * (np.log(levels.least + v) + below / levels.least) @ levels.n
-        weaker = self._least / (levels.least + v)
-        unpaid = 0.5 * np.log(1 - self.learned + weaker @ self.by_group.T + 1e-12).sum(axis=1)
-        out: Floats = cost - levels.cost(self.level) + a**2 * self.squares[:, -1] + unpaid
-        return out
+    information = Information(np.array([J[:, here] @ J[:, here].T for here in groups]), known @ known.T)
+    level = level_left(forecast, discrepancy, averaged)
+    return ExpectedGains(look.likelihood, level, *information.learned())
 
 
 def expected_gains(forecast: Forecast, a: Floats, discrepancy: float | None) -> Floats:
     """Return the expected gains in log evidence (n,) of multiples (n,) of a little [nats]."""
-    return _ExpectedGains.of(forecast, discrepancy, 1.0).gains(a)
+    squares = forecast.squares
+    return _expected(forecast, discrepancy, 1.0).gains(a, squares[:, :-1], squares[:, -1])
 
 
 def least_amplitudes(
     forecast: Forecast, wanted: Floats, discrepancy: float | None, averaged: float = 1.0
 ) -> Floats:
     """Return the multiples (n,) of a little that gain what is wanted (n,) [nats]; infinite if none does."""
-    worth = _ExpectedGains.of(forecast, discrepancy, averaged)
-    slope = worth.slope
-    seen = slope > 0
-    low = np.where(seen, np.sqrt(wanted / np.where(seen, slope, 1.0)), 1.0)  # gains are at most linear in a²
-    high = low.copy()
-    for _ in range(N_DOUBLED):
-        high = np.where(worth.gains(high) < wanted, 2 * high, high)
-    seen &= worth.gains(high) >= wanted  # of more parameters than data nothing is ever seen
-    for _ in range(N_HALVED):
-        middle = np.sqrt(low * high)
-        short = worth.gains(middle) < wanted
-        low, high = np.where(short, middle, low), np.where(short, high, middle)
-    return np.where(seen, high, np.inf)
+    squares = forecast.squares
+    return _expected(forecast, discrepancy, averaged).multiples(squares[:, :-1], squares[:, -1], wanted)
 
 
 def _followed(littles: Sequence[Little]) -> Ints:
@@ -357,10 +297,6 @@ def _followed(littles: Sequence[Little]) -> Ints:
                 out.append(n + k)
         n += len(little.points)
     return np.array(out, dtype=np.int64)
-
-
-N_DOUBLED, N_HALVED = 8, 20
-"""Steps that enclose an amplitude, and halves of the range in which it then is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

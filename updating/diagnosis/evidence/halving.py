@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from updating.inference.damped import DampedFrfs
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
+from updating.inference.problem import Problem
 from updating.inference.workers import Workers
 
 
@@ -76,6 +78,17 @@ class Damped:
     result: FitResult
     # By decay rate: the second stage is looked at, too.
     _known: dict[float, FitProblem | None] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def of(cls, problem: Problem[Any], result: FitResult, *, bent: bool) -> "Damped | None":
+        """Return the data of a fit far from them at decay rates; None of data without damped FRFs.
+
+        What is ``bent`` is near the data, and no measure of how far the model is from them.
+        """
+        frfs = problem.damped_frfs()
+        if frfs is None:
+            return None
+        return cls(frfs, frfs.problem.far_start(result) if bent else result)
 
     @property
     def problem(self) -> FitProblem:

@@ -325,11 +325,7 @@ class Search(Generic[P]):
         Those that are simplified to one in ``visited`` stay as they are.
         """
         free, kept, far = self.fits.free(base), values_of(base.effects), self.fits.is_far(base)
-        damped, frfs = None, free.damped_frfs() if far else None
-        if frfs is not None:
-            # What is bent is near the data, and no measure of how far the model is from them.
-            bent = self.fits.is_bent(base)
-            damped = Damped(frfs, frfs.problem.far_start(base.fitted) if bent else base.fitted)
+        damped = Damped.of(free, base.fitted, bent=self.fits.is_bent(base)) if far else None
         looked = damped.for_look() if damped else None
         now = self.fits.quickly(free, base, base.effects, kept).score
         if damped and looked:

@@ -1,0 +1,171 @@
+"""What data that are still to come tell: changes beyond all that may vary, and the gains to be expected."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from updating.least_squares.levels import Levels
+
+N_DOUBLED, N_HALVED = 8, 20
+"""Steps that enclose a multiple, and halves of the range in which it then is."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beyond:
+    """Some changes without what the unknowns can do of them.
+
+    Attributes
+    ----------
+    squares : ndarray (k, n_groups)
+        Sums of the weighted squares that are left in each group.
+    known : ndarray (k,)
+        Half the squares of what is known beforehand of the unknowns.
+    products : ndarray (k, m)
+        Inner products with all changes, in the metric of the data and of what is known.
+    lengths : ndarray (m,)
+        Squares of the lengths of all changes there.
+    """
+
+    squares: Floats
+    known: Floats
+    products: Floats
+    lengths: Floats
+
+    @property
+    def cosines_squared(self) -> Floats:
+        """Squares of the cosines of the angles between some changes and all, (k, m)."""
+        lengths = np.maximum(self.lengths, 1e-300)
+        return np.minimum(self.products**2 / lengths[: len(self.products), None] / lengths, 1.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Information:
+    """Information of data on unknowns and on changes of the data.
+
+    Attributes
+    ----------
+    by_group : ndarray (n_groups, u + m, u + m)
+        Inner products of what the unknowns and, behind them, the changes do to weighted residuals.
+    known : ndarray (u, u)
+        Precision of the unknowns beforehand.
+    """
+
+    by_group: NDArray[np.floating]
+    known: Floats
+
+    def beyond(self, n: int) -> Beyond:
+        """Return the first n changes beyond what the unknowns can do, beside all changes."""
+        u = len(self.known)
+        each = np.asarray(self.by_group, dtype=float)
+        A = each.sum(axis=0)
+        C = np.linalg.solve(A[:u, :u] + self.known, A[:u, u:])
+        products = A[u : u + n, u:] - A[:u, u : u + n].T @ C
+        lengths = np.maximum(np.diag(A)[u:] - (A[:u, u:] * C).sum(axis=0), 0.0)
+        c = C[:, :n]
+        squares = np.einsum("gkk->kg", each[:, u : u + n, u : u + n]).copy()
+        squares -= 2 * np.einsum("guk,uk->kg", each[:, :u, u : u + n], c)
+        squares += np.einsum("uk,guv,vk->kg", c, each[:, :u, :u], c, optimize=True)
+        known = 0.5 * (c * (self.known @ c)).sum(axis=0)
+        return Beyond(np.maximum(squares, 0.0), known, products, lengths)
+
+    def learned(self) -> tuple[Floats, Floats]:
+        """Return what data say of combinations of unknowns, (u,), and each group's part, (u, n_groups).
+
+        Shares of all that is known of them afterwards.
+        """
+        u = len(self.known)
+        information = self.by_group[:, :u, :u]
+        total = information.sum(axis=0) + self.known
+        L = np.linalg.cholesky(total + 1e-9 * np.diag(total.diagonal()))
+        parts = [np.linalg.solve(L, np.linalg.solve(L, A).T) for A in information]
+        values, U = np.linalg.eigh(np.sum(parts, axis=0))
+        return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
+
+
+def without(information: Floats, known: Floats) -> Floats:
+    """Return information (n, n) without its first unknowns, of which a precision (u, u) is known."""
+    u = len(known)
+    across = information[:u, u:]
+    out: Floats = information[u:, u:] - across.T @ np.linalg.solve(information[:u, :u] + known, across)
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExpectedGains:
+    """Expected gains in log evidence of a model that has a change over one that lacks it.
+
+    ½ (a |v|)² as long as the change is small beside what a right model leaves; beyond, its logarithm. With a
+    larger misfit data say less of the unknowns, and the evidence takes less for parameters that are free:
+    that counts for the wrong model.
+
+    Attributes
+    ----------
+    levels : Levels
+    level : ndarray (n_groups,)
+        Mean squares of the residuals that a right model leaves.
+    learned, by_group : ndarray (u,), (u, n_groups)
+        As of :meth:`Information.learned`; without them unknowns cost both models the same.
+    """
+
+    levels: Levels
+    level: Floats
+    learned: Floats = field(default_factory=lambda: np.zeros(0))
+    by_group: Floats | None = None
+
+    @property
+    def _beyond(self) -> Floats:
+        return self.level - self.levels.noise
+
+    @property
+    def _least(self) -> Floats:
+        return self.levels.least + np.maximum(self._beyond, 0.0)
+
+    def slope(self, squares: Floats, known: Floats) -> Floats:
+        """Return gains of very small changes over the squares of their multiples, (n,)."""
+        out: Floats = 0.5 * squares @ (self.levels.n / self._least) + known
+        return out
+
+    def gains(self, a: Floats, squares: Floats, known: Floats) -> Floats:
+        """Return the expected gains (n,) of multiples (n,) of changes [nats].
+
+        Parameters
+        ----------
+        a : ndarray (n,)
+        squares : ndarray (n, n_groups)
+            Mean squares of the changes beyond all that may vary.
+        known : ndarray (n,)
+            As of :class:`Beyond`.
+        """
+        levels, square = self.levels, a[:, None] ** 2 * squares
+        v, below = np.maximum(self._beyond + square, 0.0), np.minimum(self._beyond + square, 0.0)
+        cost = 0.5 * (np.log(levels.least + v) + below / levels.least) @ levels.n
+        out: Floats = cost - levels.cost(self.level) + a**2 * known
+        if self.by_group is not None:
+            weaker = self._least / (levels.least + v)
+            out += 0.5 * np.log(1 - self.learned + weaker @ self.by_group.T + 1e-12).sum(axis=1)
+        return out
+
+    def multiples(self, squares: Floats, known: Floats, wanted: Floats, n_halved: int = N_HALVED) -> Floats:
+        """Return the least multiples (n,) that gain what is wanted (n,) [nats]; infinite if none does."""
+        slope = self.slope(squares, known)
+        seen = slope > 0
+        low = np.where(
+            seen, np.sqrt(wanted / np.where(seen, slope, 1.0)), 1.0
+        )  # gains are at most linear in a²
+        high = low.copy()
+        for _ in range(N_DOUBLED):
+            short = self.gains(high, squares, known) < wanted
+            if not short.any():
+                break
+            low, high = np.where(short, high, low), np.where(short, 2 * high, high)
+        seen &= (
+            self.gains(high, squares, known) >= wanted
+        )  # of more parameters than data nothing is ever seen
+        for _ in range(n_halved):
+            middle = np.sqrt(low * high)
+            short = self.gains(middle, squares, known) < wanted
+            low, high = np.where(short, middle, low), np.where(short, high, middle)
+        return np.where(seen, high, np.inf)
