@@ -16,8 +16,13 @@ from updating.diagnosis.states import changed_problem, diagnose_change
 from updating.inference.formed import formed_mode_problem
 from updating.inference.mode_fit import BAD_PRIOR, ModeProblem
 from updating.inference.mode_targets import ModeTargets
-from updating.measurement.measurement import Measurement, at_one_place, shapes_like_motions
-from updating.modal.identification import identify_modes
+from updating.measurement.measurement import (
+    Measurement,
+    at_one_place,
+    references_of,
+    shapes_like_motions,
+)
+from updating.modal.identification import IdentificationError, identify_modes
 from updating.modal.identified_modes import IdentifiedModes
 
 Progress = Callable[[str, float], None]
@@ -163,6 +168,13 @@ def modes_in(
     IdentificationError
         For data that do not allow it.
     """
+    if not data.has_structure_poles:
+        refer = ", ".join(s.name for s in references_of(data.excitations))
+        msg = (
+            f"the FRFs of {data.name} refer to {refer}: their peaks are where that does not move, not the "
+            "natural frequencies; FRFs per force, or to a moving base, have modes"
+        )
+        raise IdentificationError(msg)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         found = identify_modes(data.frf, band=band, driving=_driving(data), **asdict(limits))

@@ -113,6 +113,7 @@ if TYPE_CHECKING:
     from updating.measurement.noise import noise_from_coherence, noise_from_repeats, relative_noise
     from updating.measurement.pretest import Observability, PretestPlan, assess_sensors, plan_pretest
     from updating.measurement.recorded_channels import RecordedChannels, recorded_channels
+    from updating.measurement.reference_sensor import UnmeasuredForce
     from updating.measurement.strain_gauge import StrainGauge
     from updating.measurement.tables import (
         frf_from_labelled,
@@ -189,6 +190,7 @@ __all__ = [
     "Step",
     "StrainGauge",
     "Unknown",
+    "UnmeasuredForce",
     "UpdateSettings",
     "UpdateStep",
     "Updated",

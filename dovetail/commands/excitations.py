@@ -10,7 +10,7 @@ from dovetail.file.table import StudyError, suggest
 from dovetail.study import Study
 from fem.analysis.statics import load_vectors
 from fem.model import DIRECTIONS
-from updating.measurement.measurement import BaseMotion, sensor_rows
+from updating.measurement.measurement import sensor_rows
 
 BASE = "base "
 """Begins the name of a column that moves the base, such as ``base z``."""
@@ -72,7 +72,7 @@ def driven_by(study: Study, columns: HistoryColumns, density: bool = False) -> D
             units.append("rad/s^2" if direction.startswith("r") else "m/s^2")
             continue
         if name in excitations:
-            units.append("m/s^2" if isinstance(excitations[name], BaseMotion) else "N")
+            units.append(excitations[name].signal_unit)
             loads.append(sensor_rows(study.model, [excitations[name]])[0])
         elif name in cases:
             units.append("1")

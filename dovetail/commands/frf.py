@@ -16,7 +16,7 @@ from dovetail.report.table import Column, Table
 from dovetail.study import Study
 from fem.analysis.frf import FRF
 from fem.io import write_csv, write_npz
-from updating.measurement.measurement import STRAIN, BaseMotion
+from updating.measurement.measurement import STRAIN
 
 EXAMPLE = "dovetail frf study.toml --out frf.npz --stop 500 --step 0.5"
 WRITERS = {".npz": write_npz, ".csv": write_csv, ".uff": None, ".unv": None}
@@ -62,7 +62,7 @@ def run(options: Options, progress: Progress) -> Answer:
     progress("computing FRFs")
     found = study.frf(frequency, options.kind)
     driven = zip(study.excitations, labels[1], strict=True)
-    base = [label for e, label in driven if isinstance(e, BaseMotion)]
+    base = [label for e, label in driven if e.per_acceleration]
     strain = [label for s, label in zip(study.sensors, labels[0], strict=True) if s.quantity == STRAIN]
     computed = FRF.from_arrays(frequency, found.H, found.kind, *labels, base=base, strain=strain)
     writer = WRITERS[suffix]

@@ -124,7 +124,7 @@ def _bands(
     model: SampledModel, files: Sequence[Path], checks: tuple[Checked, ...], failures: tuple[Outcome, ...]
 ) -> Ensemble:
     values, frequency = (_joined(files, lambda a, k=key: a[k]) for key in ("values", "frequency"))
-    n_out, n_in = model.outputs.shape[1], model.inputs.shape[1]
+    n_out, n_in = model.n_ends
     value, error = np.zeros((2, 3, len(model.frequency), n_out, n_in))
     middle = np.zeros((len(model.frequency), n_out, n_in))
     for i in range(n_out):  # one sensor at a time: all samples of all FRFs may not fit into memory
@@ -166,7 +166,7 @@ def _require_room(folder: Path, model: SampledModel, n: int) -> None:
     ------
     FolderError
     """
-    values = len(model.frequency) * model.outputs.shape[1] * model.inputs.shape[1]
+    values = len(model.frequency) * int(np.prod(model.n_ends))
     need, free = 4 * n * values, shutil.disk_usage(folder).free
     if need > free:
         msg = (

@@ -13,17 +13,18 @@ from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import first_modes
 from fem.model import Model
-from fem.reduction.modal_solution import ModalSolution, lines_first, times
+from fem.reduction.modal_solution import ModalSolution
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
-from updating.inference.fit_data import sensor_vectors
+from updating.inference.fit_data import ends_of
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import MODE_MARGIN, elastic_frequencies, forces_at
 from updating.measurement.measurement import Sensor, with_instruments
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
 SILENT = 60 / DB_PER_NEPER
 """An FRF this far below the median level is zero by symmetry, as in a comparison [neper]."""
@@ -46,7 +47,8 @@ class SampledModel:
     engine : ParametricFRF
         At the lines.
     outputs, inputs : ndarray (n_dof, n_out), (n_dof, n_in)
-        Sensors and excitations; no columns for natural frequencies alone.
+        Sensors, behind them those that responses refer to, and excitations; no columns for natural
+        frequencies alone.
     kind : FRFKind
     n_modes : int
         Elastic natural frequencies that are kept.
@@ -94,14 +96,20 @@ class SampledModel:
         modes = elastic_frequencies(reduced, highest)
         uncertainty = Uncertainty.of(model, nuisances, damping_std, modes[modes > 0])
         reduced = enriched(reduced, uncertainty.unknowns, highest, forces)
-        outputs, inputs = (sensor_vectors(model, part) for part in (sensors, excitations))
-        engine = ParametricFRF(reduced, outputs, inputs, frequency, uncertainty.refs)
+        outputs, inputs, references = ends_of(model, sensors, excitations)
+        engine = ParametricFRF(reduced, outputs, inputs, frequency, uncertainty.refs, references=references)
         return cls(uncertainty, seed, engine, outputs, inputs, kind, max(len(modes), 1))
 
     @property
     def reduced(self) -> ReducedModel:
         """The model on the basis."""
         return self.engine.reduced
+
+    @property
+    def n_ends(self) -> tuple[int, int]:
+        """Number of responses that are read, and of excitations."""
+        references = self.engine.references
+        return references.n if references else self.outputs.shape[1], self.inputs.shape[1]
 
     @property
     def frequency(self) -> Floats:
@@ -128,12 +136,11 @@ class SampledModel:
         first = self.reduced.basis.n_rigid
         lam = np.sort(state.lam)[first : first + self.n_modes]
         frequency = np.sign(lam) * np.sqrt(np.abs(lam)) / (2 * np.pi)
-        shape = (len(omega), self.outputs.shape[1], self.inputs.shape[1])
+        shape = (len(omega), *self.n_ends)
         if 0 in shape:
             return frequency, np.zeros(shape)
-        H = lines_first(times((state.V.T @ engine.outputs).T, state.solve(engine.inputs)))
-        levels = np.log(np.maximum(np.abs(H), LEAST))
-        return frequency, levels + self.kind.derivatives * np.log(omega)[:, None, None]
+        H = engine.referred(engine.read(draw.values, state, state.solve(engine.inputs)))
+        return frequency, self._levels(H)
 
     def full(self, draw: Draw) -> tuple[Floats, Floats]:
         """Return the same by the full model, without a reduced basis of ours."""
@@ -143,12 +150,16 @@ class SampledModel:
         elastic = modes.frequency[modes.n_rigid : modes.n_rigid + self.n_modes]
         at = np.unique(np.concatenate([np.maximum(elastic, 1e-6), self.frequency]))
         system = assemble(model.with_damping(unc.of_structure(draw, at)), reciprocal=False)
-        H = np.ones((len(self.frequency), self.outputs.shape[1], self.inputs.shape[1]))
-        if H.size:
-            H = compute_frf(
-                system, self.frequency, self.outputs.T, self.inputs.T, self.kind, tolerance=FULL_TOLERANCE
-            ).H
-        return elastic, np.log(np.maximum(np.abs(H), LEAST))
+        if 0 in self.n_ends:
+            return elastic, np.zeros((len(self.frequency), *self.n_ends))
+        ends = self.outputs.T, self.inputs.T
+        H = compute_frf(system, self.frequency, *ends, FRFKind.RECEPTANCE, tolerance=FULL_TOLERANCE).H
+        return elastic, self._levels(self.engine.referred(H))
+
+    def _levels(self, H: Complexes) -> Floats:
+        """Return ln of the magnitudes of receptances in the model's kind."""
+        levels = np.log(np.maximum(np.abs(H), LEAST))
+        return levels + self.kind.derivatives * np.log(self.engine.omega)[:, None, None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,7 +52,7 @@ def check_phase(
     out: list[PhaseEvidence | None] = []
     for c, r in zip(comparisons, raw, strict=True):
         m = c.measurement
-        evidence = phase_evidence(m.frf) if r.check_phase else None
+        evidence = phase_evidence(m.frf) if r.check_phase and m.has_structure_poles else None
         out.append(evidence)
         if evidence is None:
             continue

@@ -11,8 +11,11 @@ from dovetail.file.sensors import Channel
 from dovetail.file.table import StudyTable, suggest
 from fem.analysis.frf import FRF
 from updating.measurement.held_out import EXAMPLE, Band, band_of
-from updating.measurement.measurement import STRAIN, BaseMotion, Measurement, at_values_of
+from updating.measurement.measurement import STRAIN, Measurement, at_values_of, references_of
 from updating.quality.corrections import Fault, set_right
+
+Picked = tuple[Channel, str, float]
+"""A channel, its label in the file, and the sign that turns the reading into its direction."""
 
 
 def match(
@@ -32,15 +35,15 @@ def match(
     out = []
     used: set[str] = set()
     for r in raw:
-        rows = _pick(r, sensors, r.frf.outputs, "responses")
+        rows = picked = _pick(r, sensors, r.frf.outputs, "responses")
         columns = _pick(r, excitations, r.frf.inputs, "forces")
         for c, label, _ in columns:
-            if label in r.frf.base and not isinstance(c.sensor, BaseMotion):
+            if label in r.frf.base and not c.sensor.per_acceleration:
                 r.table.refuse(
                     "file",
                     f"its FRFs to {label} are to an acceleration, and excitation '{c.sensor.name}' is a "
-                    'force; for a shaker table give [[excitations]] base = "x", or give kind if the file is '
-                    "wrong",
+                    'force; for a shaker table give [[excitations]] base = "x", for responses over that of a '
+                    f'sensor give the excitation reference = "{label}", or give kind if the file is wrong',
                 )
         for c, label, _ in rows:
             if label in r.frf.strain and c.sensor.quantity != STRAIN:
@@ -49,8 +52,11 @@ def match(
                     f"channel {label} of {r.name} measures strain, and sensor '{c.sensor.name}' a motion; "
                     'give quantity = "strain" and offset, or another label',
                 )
+        references = references_of([c.sensor for c, _, _ in columns])
+        rows = _without_references(r, rows, columns, notes)
+        used |= {f"s:{s.name}" for s in references}
         used |= {f"s:{c.sensor.name}" for c, _, _ in rows} | {f"e:{c.sensor.name}" for c, _, _ in columns}
-        for word, have, got in (("responses", r.frf.outputs, rows), ("forces", r.frf.inputs, columns)):
+        for word, have, got in (("responses", r.frf.outputs, picked), ("forces", r.frf.inputs, columns)):
             rest = [x for x in have if x not in {label for _, label, _ in got}]
             if rest:
                 notes.append(
@@ -68,18 +74,18 @@ def match(
         names = [tuple(c.sensor.name for c, _, _ in part) for part in (rows, columns)]
         H = _in_convention(frf, [c for c, _, _ in rows], [c for c, _, _ in columns])
         H = H * sign if r.phase else np.abs(H)
-        base = [c.sensor.name for c, _, _ in columns if isinstance(c.sensor, BaseMotion)]
+        base = [c.sensor.name for c, _, _ in columns if c.sensor.per_acceleration]
         strain = [c.sensor.name for c, _, _ in rows if c.sensor.quantity == STRAIN]
         frf = FRF.from_arrays(frf.frequency, H, frf.kind, *names, base=base, strain=strain)
         _refuse_zero(r, frf)
-        picked = [tuple(c.sensor for c, _, _ in part) for part in (rows, columns)]
+        ends = [tuple(c.sensor for c, _, _ in part) for part in (rows, columns)]
         chosen = r.frf.select([label for _, label, _ in rows], [label for _, label, _ in columns])
         known = [None if x is None else at_values_of(x, r.frf, chosen) for x in (r.coherence, r.scatter)]
         with r.table.at("coherence"):
             measurement = Measurement(
                 frf,
-                picked[0],
-                picked[1],
+                ends[0],
+                ends[1],
                 r.force_level,
                 r.name,
                 known[0],
@@ -87,6 +93,7 @@ def match(
                 known[1],
                 phase=r.phase,
                 viscous=r.viscous,
+                other_sensors=tuple(s for s in references if s not in ends[0]),
             )
         with r.table.at():
             measurement = set_right(measurement, faults) if faults else measurement
@@ -133,10 +140,8 @@ def _near(channels: Sequence[Channel], labels: Sequence[str]) -> str:
     return f" ({', '.join(found[:4])}{' …' if len(found) > 4 else ''})" if found else ""
 
 
-def _pick(
-    r: RawMeasurement, channels: Sequence[Channel], labels: Sequence[str], word: str
-) -> list[tuple[Channel, str, float]]:
-    out: list[tuple[Channel, str, float]] = []
+def _pick(r: RawMeasurement, channels: Sequence[Channel], labels: Sequence[str], word: str) -> list[Picked]:
+    out: list[Picked] = []
     owner: dict[str, str] = {}
     for c in channels:
         found = c.find(labels)
@@ -156,6 +161,26 @@ def _pick(
             f"{_near(channels, labels)}",
         )
     return out
+
+
+def _without_references(
+    r: RawMeasurement, rows: list[Picked], columns: list[Picked], notes: list[str]
+) -> list[Picked]:
+    """Return the rows without sensors that responses refer to: their ratio is 1 by definition."""
+    names = {s.name for s in references_of([c.sensor for c, _, _ in columns])}
+    kept = [row for row in rows if row[0].sensor.name not in names]
+    if left_out := [c.sensor.name for c, _, _ in rows if c.sensor.name in names]:
+        notes.append(f"{r.name}: the responses refer to {', '.join(left_out)}, which is not compared itself")
+    if not kept:
+        r.table.refuse("file", f"its only response, {', '.join(names)}, is the one that responses refer to")
+    mixed = [c.sensor.name for c, _, _ in columns if c.sensor.reference_sensor() is None]
+    if mixed and len(kept) < len(rows):
+        r.table.refuse(
+            "file",
+            f"its FRFs to {mixed[0]} have the response {', '.join(names)}, which FRFs to another excitation "
+            "refer to; give the two excitations a file each",
+        )
+    return kept
 
 
 def _refuse_zero(r: RawMeasurement, frf: FRF) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from dovetail.file.table import StudyError, StudyTable, suggest
 from fem.analysis.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
 from updating.measurement.measurement import MOTION, STRAIN, BaseMotion, Sensor, place_sensors
+from updating.measurement.reference_sensor import UnmeasuredForce
 from updating.measurement.strain_gauge import StrainGauge
 
 Nodes = Mapping[int, NDArray[np.float64]]
@@ -329,6 +330,7 @@ def read_excitations(
     suspicions += refuse_or_suspect_places(tables, "excitations", geometry.mesh, nodes)
     for t in tables:
         with attempt():
+            refer = _reference(t, by_name)
             if "sensor" in t:
                 name = t.text("sensor")
                 if "base" in t:
@@ -347,6 +349,7 @@ def read_excitations(
                 t.refuse_without("sensor", "'sensor' is missing")
             else:
                 found = list(_sensors_of(t, geometry, nodes, notes, sprung_points(top, geometry)))
+            found = [c if refer is None else _referred(c, refer) for c in found]
             t.finish()
             names = [c.sensor.name for c in (*out, *found)]
             if len(set(names)) < len(names):
@@ -360,6 +363,43 @@ def read_excitations(
                 'the base rests in this study; give the motion of the base: [[excitations]] base = "z"',
             )
     return out
+
+
+def _reference(t: StudyTable, by_name: Mapping[str, Channel]) -> Channel | None:
+    """Read ``reference``: the sensor that responses to an unmeasured force refer to; None without one."""
+    if "reference" not in t:
+        return None
+    if "base" in t:
+        t.refuse("reference", "FRFs to a motion of the base refer to that; leave reference or base out")
+    name = t.text("reference")
+    if name not in by_name:
+        t.refuse("reference", f"there is no sensor '{name}'; {suggest(name, by_name)}")
+    sensor = by_name[name].sensor
+    if sensor.quantity != MOTION:
+        t.refuse("reference", f"'{name}' measures {sensor.quantity}; responses refer to a motion")
+    if sensor.roving:
+        t.refuse("reference", f"'{name}' is moved from place to place; a reference stays where it is")
+    if (kind := by_name[name].convention.kind) is not None:
+        t.refuse("reference", f"'{name}' has kind = \"{kind}\"; responses refer to an acceleration")
+    for key in ("sign", "gain"):
+        if key in t:
+            t.refuse(key, f"the force is not measured, so that its {key} cancels; that of '{name}' counts")
+    return by_name[name]
+
+
+def _referred(force: Channel, reference: Channel) -> Channel:
+    """Return an excitation whose force was not measured; its channel in the files is the reference's."""
+    s, t = force.sensor, force.table
+    name = t.text("name", f"reference {reference.sensor.name}") if "sensor" in t else s.name
+    label = t.text("label", reference.label)
+    parts = {f.name: getattr(s, f.name) for f in fields(Sensor)} | {"name": name}
+    return replace(
+        reference,
+        sensor=UnmeasuredForce(**parts, reference=reference.sensor),
+        table=t,
+        label=label or ("" if reference.node is not None else reference.sensor.name),
+        convention=force.convention,
+    )
 
 
 def _base_motion(t: StudyTable, base: NDArray[np.float64]) -> Channel:

@@ -17,7 +17,7 @@ from fem.analysis.frf import FRF, FRFKind
 from fem.linalg.solvers import factorise
 from fem.model import Model
 from fem.system import System, assemble
-from updating.measurement.measurement import Measurement, sensor_rows
+from updating.measurement.measurement import Measurement, outputs_of, sensor_rows
 from updating.quality.phase import PhaseEvidence
 
 SUSPECTS: tuple[tuple[float, str], ...] = (
@@ -171,15 +171,16 @@ class LazyComparison:
     @cached_property
     def _computed(self) -> Callable[[NDArray[np.float64]], NDArray[np.complex128]]:
         m = self.measurement
-        rows, columns = (sensor_rows(self.model, part) for part in (m.sensors, m.excitations))
-        of_kind = frf_function(self._system(), m.frf.frequency[self._lines], rows, columns, m.frf.kind)
-        strain, power = m.frf.is_strain, m.frf.kind.derivatives
-        if not strain.any():
-            return of_kind
+        every, references = outputs_of(m.sensors, m.excitations)
+        rows, columns = (sensor_rows(self.model, part) for part in (every, m.excitations))
+        lines, moving = m.frf.frequency[self._lines], ~m.frf.is_strain
+        receptances = frf_function(self._system(), lines, rows, columns, FRFKind.RECEPTANCE)
 
         def computed(frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
-            H = np.array(of_kind(frequency))
-            H[:, strain] /= (2j * np.pi * frequency[:, None, None]) ** power
+            omega = 2 * np.pi * frequency
+            H = np.array(receptances(frequency))
+            H = H if references is None else references.read(H, omega)
+            H[:, moving] *= (1j * omega[:, None, None]) ** m.frf.kind.derivatives
             return H
 
         return computed

@@ -3,7 +3,7 @@
 The cost of a candidate effect depends on its few DOFs only.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -59,12 +59,15 @@ class Fields:
         Angular frequencies [rad/s].
     factors : dict
         Factors of K, of that of connections, of M, C and D in Z, each (n_freq,).
+    read : callable
+        Takes slopes of the receptances of all outputs to those of what is read of them.
     """
 
     outputs: NDArray[np.complex128]
     inputs: NDArray[np.complex128]
     omega: NDArray[Any]
     factors: dict[str, NDArray[Any]]
+    read: Callable[[NDArray[np.complex128]], NDArray[np.complex128]]
 
     def slope(
         self, contributions: Sequence[Contribution], connection: bool = False
@@ -91,7 +94,7 @@ class Fields:
                 force += value * (X @ moved.reshape(b, m, -1)).reshape(moved.shape)
             outward = self.outputs[c.dofs].reshape(b * m, n_out, n_freq).transpose(2, 1, 0)
             out -= outward @ force.reshape(b * m, n_in, n_freq).transpose(2, 0, 1)
-        return out
+        return self.read(out)
 
 
 @dataclass(slots=True, eq=False)
@@ -104,8 +107,8 @@ class LocalChanges:
     state : ModalSolution
     Xo, Xi : ndarray (r, n, n_freq)
         Responses to unit forces at outputs and inputs.
-    H : ndarray (n_freq, n_out, n_in)
-        Receptances without the effects.
+    every : ndarray (n_freq, n_all, n_in)
+        Receptances of all outputs without the effects, references included.
     total : dict
         Reduced matrices without the effects.
     zeta : ndarray (n_freq,) or (2, n_freq)
@@ -120,7 +123,7 @@ class LocalChanges:
     state: ModalSolution
     Xo: NDArray[np.complex128]
     Xi: NDArray[np.complex128]
-    H: NDArray[np.complex128]
+    every: NDArray[np.complex128]
     total: dict[str, Any]
     zeta: NDArray[np.float64]
     damped: NDArray[np.float64] | None
@@ -149,11 +152,21 @@ class LocalChanges:
         at = dict(zip(engine.refs, map(float, values), strict=True))
         return cls(engine, state, Xo, Xi, H, total, zeta, damped, at)
 
+    @property
+    def H(self) -> NDArray[np.complex128]:
+        """What is read without the effects, (n_freq, n_out, n_in)."""
+        return self.engine.referred(self.every)
+
+    def slopes_read(self, slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the slopes (…, n_freq, n_out, n_in) of what is read by those of all receptances."""
+        return self.engine.referred_slopes(slopes, self.every)
+
     def fields(self) -> Fields:
         """Return the responses at all DOFs of the full model: slopes are had from them without projecting."""
         modes = self.engine.reduced.basis.T[:, self.engine.active] @ self.state.V
         factors = self.engine.factors(self.state)
-        return Fields(times(modes, self.Xo), times(modes, self.Xi), self.engine.omega, factors)
+        moved = times(modes, self.Xo), times(modes, self.Xi)
+        return Fields(*moved, self.engine.omega, factors, self.slopes_read)
 
     def violations(self) -> tuple[list[tuple[str, str]], NDArray[np.complex128]]:
         """Return the keys of the constraints that hold, and the outputs' responses to unit violations.
@@ -193,7 +206,7 @@ class LocalChanges:
         Terms at the same place share Hₒ, Hᵢ and G, also in later calls, and are solved for together. A term
         that takes away more mass than there is has no receptances: they are NaN.
         """
-        out = [self.H] * len(terms)
+        out = [self.every] * len(terms)
         factors = self.engine.factors(self.state)
         groups: dict[Any, list[tuple[int, list[tuple[NDArray[Any], NDArray[Any]]]]]] = {}
         rows: dict[Any, ReducedTerm] = {}
@@ -206,7 +219,7 @@ class LocalChanges:
                 try:
                     out[i] = self._anew(term)
                 except np.linalg.LinAlgError:  # the mass matrix is not positive definite
-                    out[i] = np.full_like(self.H, np.nan)
+                    out[i] = np.full_like(self.every, np.nan)
                 continue
             key = term.place
             rows[key] = term
@@ -225,8 +238,8 @@ class LocalChanges:
             w = np.ascontiguousarray(w.transpose(3, 0, 2, 1)).reshape(n_freq, k, -1)
             change = (place.outputs @ w).reshape(n_freq, -1, len(group), n_in)
             for g, (i, _) in enumerate(group):
-                out[i] = self.H - change[:, :, g]
-        return out
+                out[i] = self.every - change[:, :, g]
+        return [self.engine.referred(H) for H in out]
 
     def _anew(self, term: ReducedTerm) -> NDArray[np.complex128]:
         engine, total = self.engine, dict(self.total)

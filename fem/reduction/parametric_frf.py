@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, Model, Parameter, ParameterRef
 from fem.reduction.modal_solution import ModalSolution, lines_first, range_of, times
 from fem.reduction.reduced_model import ReducedModel
+from fem.reduction.referred import References
 from fem.reduction.scaling import scale_factors
 from fem.reduction.series import with_series
 from fem.reduction.terms import ReducedTerm, combined
@@ -82,6 +83,8 @@ class ParametricFRF:
         σ of the complex frequencies ω - iσ at which receptances are computed [rad/s]. Laws are those at ω.
     viscous : bool
         Whether ζ is that of viscous modal damping, as of :class:`ModalSolution`.
+    references : References, optional
+        Outputs, behind those that are read, whose accelerations divide the responses.
     """
 
     def __init__(
@@ -97,9 +100,10 @@ class ParametricFRF:
         projected: bool = False,
         decay: float = 0.0,
         viscous: bool = False,
+        references: References | None = None,
     ) -> None:
         basis = reduced.basis
-        self.reduced, self.viscous = reduced, viscous
+        self.reduced, self.viscous, self.references = reduced, viscous, references
         self.refs = tuple(refs)
         self.omega: NDArray[Any] = 2 * np.pi * np.asarray(frequency, dtype=float)
         if decay:
@@ -406,8 +410,17 @@ class ParametricFRF:
         _, state, Xi, total, alone = self._last
         H = self.read(values, state, Xi)
         if not gradient:
-            return H, None, None
-        return H, *self._derivatives(values, zeta, state, Xi, total, alone)
+            return self.referred(H), None, None
+        dH, by_zeta = self._derivatives(values, zeta, state, Xi, total, alone)
+        return self.referred(H), self.referred_slopes(dH, H), self.referred_slopes(by_zeta, H)
+
+    def referred(self, H: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return what is read of the receptances of all outputs: themselves without references."""
+        return H if self.references is None else self.references.read(H, self.omega)
+
+    def referred_slopes(self, dH: NDArray[Any], H: NDArray[np.complex128]) -> NDArray[Any]:
+        """Return the derivatives (…, n_freq, n_out, n_in) of what is read, by those of the receptances."""
+        return dH if self.references is None else self.references.slopes(dH, H, self.omega)
 
     def read(
         self, values: NDArray[np.float64], state: ModalSolution, Xi: NDArray[np.complex128]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fem.model import Model, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.referred import References
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
@@ -141,6 +142,7 @@ def next_measurements(
     for k, (point, _) in enumerate(places):
         new[6 * point : 6 * point + 3, 3 * k : 3 * k + 3] = np.eye(3)
     outputs, inputs = problem.vectors
+    references, behind = problem.references[:2]
     f = problem.data.frequency
     band = (float(f[0]), float(f[-1]))
     lines = np.linspace(*band, N_COMPARED_LINES)
@@ -150,7 +152,9 @@ def next_measurements(
     # Present forces, measured at new places; by reciprocity also new forces, measured by present sensors.
     step = max(1, outputs.shape[1] // MOST_CHANNELS)
     for kind, columns in (("sensor", inputs), ("excitation", outputs[:, ::step])):
-        d, evidence = predict.compare(new, columns, lines)
+        # A new force would be measured: its FRFs refer to no sensor.
+        refer = references.behind(new.shape[1]) if references and kind == "sensor" else None
+        d, evidence = predict.compare(np.hstack([new, behind]) if refer else new, columns, lines, refer)
         taken = _present(problem, kind)
         ranked = []
         for k in np.argsort(-evidence, kind="stable"):
@@ -166,7 +170,8 @@ def next_measurements(
                 break
         found += ranked
     higher = (band[1], BAND_BEYOND * band[1])
-    d, evidence = predict.compare(outputs, inputs, np.linspace(*higher, N_COMPARED_LINES // 2))
+    every, lines = np.hstack([outputs, behind]), np.linspace(*higher, N_COMPARED_LINES // 2)
+    d, evidence = predict.compare(every, inputs, lines, references)
     good = np.isfinite(evidence)
     if good.any():
         where = f"the present channels from {higher[0]:.4g} to {higher[1]:.4g} Hz"
@@ -213,11 +218,16 @@ class _Prediction:
     first: FitResult
     second: FitResult
 
-    def compare(self, outputs: Floats, inputs: Floats, frequency: Floats) -> tuple[Floats, Floats]:
-        """Return for each output the difference [dB] and the evidence [nepers]; NaN where nothing moves."""
+    def compare(
+        self, outputs: Floats, inputs: Floats, frequency: Floats, references: References | None
+    ) -> tuple[Floats, Floats]:
+        """Return for each output the difference [dB] and the evidence [nepers]; NaN where nothing moves.
+
+        The last outputs are those that the first refer to.
+        """
         p, n_par = self.problem, len(self.second.values)
-        H1, _ = self._frf(self.first, outputs, inputs, frequency, slopes=False)
-        H2, J = self._frf(self.second, outputs, inputs, frequency, slopes=True)
+        H1, _ = self._frf(self.first, outputs, inputs, frequency, references, slopes=False)
+        H2, J = self._frf(self.second, outputs, inputs, frequency, references, slopes=True)
         assert J is not None
         size = np.sqrt((np.abs(H1 * frequency[:, None, None] ** 2) ** 2).mean(axis=(0, 2)))
         d: Complexes = log_ratio(H1, H2)
@@ -251,10 +261,26 @@ class _Prediction:
         return out_d, out_e
 
     def _frf(
-        self, fit: FitResult, outputs: Floats, inputs: Floats, frequency: Floats, *, slopes: bool
+        self,
+        fit: FitResult,
+        outputs: Floats,
+        inputs: Floats,
+        frequency: Floats,
+        references: References | None,
+        *,
+        slopes: bool,
     ) -> tuple[Complexes, Complexes | None]:
         p, refs = self.problem.with_forces_of(fit), list(fit.values)
-        engine = ParametricFRF(p.reduced, outputs, inputs, frequency, refs, fit.effects, viscous=p.viscous)
+        engine = ParametricFRF(
+            p.reduced,
+            outputs,
+            inputs,
+            frequency,
+            refs,
+            fit.effects,
+            viscous=p.viscous,
+            references=references,
+        )
         zeta = p.damping.ratio(frequency, fit.zeta)
         values = np.array([fit.values[r] for r in refs])
         H, dH, _ = engine.evaluate(values, zeta, gradient=slopes)

@@ -9,6 +9,7 @@ from fem.linalg.solvers import factorise
 from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble, connection_stiffness
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
+from updating.inference.fit_data import ends_of
 from updating.inference.fit_result import FitResult, fitted_model
 from updating.inference.frf_inputs import FrfInputs
 
@@ -46,7 +47,8 @@ def direct_responses(
     problem = problem.unloaded(result)
     model = problem.reduced.model
     system = assemble(fitted_model(model, result), reciprocal=False)
-    outputs, inputs = problem.vectors
+    m = problem.data.measurement
+    outputs, inputs, references = ends_of(model, m.sensors, m.excitations)
     lines = problem.lines_up_to(np.inf, n_lines)
     f = problem.data.frequency[lines]
     zeta, *others = np.atleast_2d(problem.damping.ratio(f, result.zeta))
@@ -61,6 +63,8 @@ def direct_responses(
         factor = factorise(Z, like=factor, backend=backend)
         X = system.Q @ factor.solve((system.Q.T @ inputs).astype(complex))
         direct = outputs.T @ X
+        if references is not None:
+            direct = references.read(direct[None], np.array([omega]))[0]
         responses += [X.real, X.imag]
         ratio.append(np.where(problem.data.mask[lines[k]], log_ratio(reduced[k], direct), complex("nan")))
     return rms_db(np.array(ratio)) / DB_PER_NEPER, np.hstack(responses)

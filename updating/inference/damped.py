@@ -102,9 +102,14 @@ def _terms(s: NDArray[Any], top: float, poles: Complexes) -> Complexes:
 
 
 def continuation_of(problem: FrfInputs) -> Continuation | None:
-    """Return the measured FRFs on and below the real axis; None of amplitudes and of several levels."""
+    """Return the measured FRFs on and below the real axis; None of amplitudes and of several levels.
+
+    None, too, of responses over that of a sensor: a zero of its FRF may lie below the axis, where they are
+    infinite.
+    """
     data = problem.data
-    if len(data.frequency) < 2 or not data.phase or problem.responses.n_levels > 1:
+    analytic = data.phase and data.measurement.has_structure_poles
+    if len(data.frequency) < 2 or not analytic or problem.responses.n_levels > 1:
         return None
     return Continuation.of(data.frequency, data.H)
 

@@ -9,10 +9,17 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.model import Model
+from fem.reduction.referred import References
 from fem.summary import fields_summary
 from updating.correlation import DB_PER_NEPER
 from updating.measurement.held_out import lines_held_out
-from updating.measurement.measurement import Measurement, MeasurementError, Sensor, sensor_rows
+from updating.measurement.measurement import (
+    Measurement,
+    MeasurementError,
+    Sensor,
+    outputs_of,
+    sensor_rows,
+)
 from updating.measurement.noise import amplitude_noise, relative_noise
 
 SYSTEMATIC_FROM = 1.25
@@ -46,6 +53,22 @@ def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float6
         :func:`updating.measurement.measurement.place_sensors`).
     """
     return np.ascontiguousarray(sensor_rows(model, sensors).T)
+
+
+def ends_of(
+    model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], References | None]:
+    """Return all outputs and inputs as combinations of DOFs, (n_dof, n), and what the outputs refer to.
+
+    Behind the sensors stand those that the excitations refer to.
+
+    Raises
+    ------
+    MeasurementError
+        As :func:`sensor_vectors`.
+    """
+    every, references = outputs_of(sensors, excitations)
+    return sensor_vectors(model, every), sensor_vectors(model, excitations), references
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,6 +15,7 @@ from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, dofs_of
 from fem.reduction.deviations import DeviatingFRF, Deviations
 from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.referred import References
 from fem.reduction.set_ups import SetUp, SetUpsFRF
 from fem.summary import counted, span, summary
 from updating.inference.belief import DATA_PER_MODE, DISCREPANCY_MIN
@@ -24,7 +25,12 @@ from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import ModeTargets
 from updating.least_squares.levels import Levels
 from updating.measurement.channel_errors import N_ERRORS
-from updating.measurement.measurement import sensor_point
+from updating.measurement.measurement import (
+    Measurement,
+    MeasurementError,
+    outputs_of,
+    sensor_point,
+)
 
 F = TypeVar("F", bound="FrfInputs")
 
@@ -57,6 +63,8 @@ class LinearResponses:
         if channels is not None and channels.any():
             moved = np.einsum("rne,ne->rn", problem.misread, channels)
             outputs, inputs = outputs + moved[:, : outputs.shape[1]], inputs + moved[:, outputs.shape[1] :]
+        references, _, on_references = problem.references
+        outputs = np.hstack([outputs, on_references])
         make = ParametricFRF if deviations is None else partial(DeviatingFRF, deviations)
         return make(
             problem.reduced,
@@ -69,6 +77,7 @@ class LinearResponses:
             projected=True,
             decay=problem.decay,
             viscous=problem.viscous,
+            references=references,
         )
 
     def receptance(
@@ -168,6 +177,18 @@ class FrfInputs(FitInputs[FitData]):
         (outputs, on_outputs), (inputs, on_inputs) = vectors
         return outputs, inputs, on_outputs, on_inputs
 
+    @property
+    def references(self) -> tuple[References | None, NDArray[np.float64], NDArray[np.float64]]:
+        """What responses refer to, and these sensors as combinations of DOFs and of the basis's columns.
+
+        Without references the arrays, (n_dof, k) and (r + p, k), have no columns.
+        """
+        m = self.data.measurement
+        every, references = outputs_of(m.sensors, m.excitations)
+        behind = every[len(m.sensors) :]
+        make = partial(sensor_vectors, self.reduced.model, behind)
+        return references, *self.reduced.projected(behind, make)
+
     def engine(
         self,
         frequency: NDArray[np.float64],
@@ -217,10 +238,26 @@ class FrfInputs(FitInputs[FitData]):
         if not m.roving_masses:
             return self
         sensors = tuple(replace(s, mass=0.0) if s.roving else s for s in m.sensors)
-        free = replace(self, data=replace(self.data, measurement=replace(m, sensors=sensors)))
-        loaded = self.receptance(result)
-        ratio = free.receptance(result) / np.where(loaded != 0, loaded, 1.0)
-        return replace(free, data=replace(free.data, H=self.data.H * ratio))
+        return self._as_of(replace(m, sensors=sensors), result)
+
+    def as_forces(self, result: FitResult) -> Self:
+        """Return a problem whose data are per unit force, with references that move as in a fitted model.
+
+        For checks of channels against one another, which take responses to be linear in forces.
+        """
+        m = self.data.measurement
+        if m.has_structure_poles:
+            return self
+        excitations = tuple(e.as_force() for e in m.excitations)
+        base = tuple(e.name for e in excitations if e.per_acceleration)
+        return self._as_of(replace(m, excitations=excitations, frf=replace(m.frf, base=base)), result)
+
+    def _as_of(self, measurement: Measurement, result: FitResult) -> Self:
+        """Return the problem of another test, with the data that it would have by a fitted model."""
+        other = replace(self, data=replace(self.data, measurement=measurement))
+        known = self.receptance(result)
+        ratio = other.receptance(result) / np.where(known != 0, known, 1.0)
+        return replace(other, data=replace(other.data, H=self.data.H * ratio))
 
     def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
         """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""
@@ -286,6 +323,12 @@ class FrfInputs(FitInputs[FitData]):
         Without a level the effect keeps the amplitude that it has.
         """
         (element,) = (e for e in result.effects if isinstance(e, AmplitudeDependent))
+        if self.references[0] is not None:
+            msg = (
+                f"'{element.name}' depends on amplitude, which follows from the force; the FRFs of "
+                f"'{self.data.measurement.name}' refer to a sensor, and their force is unknown"
+            )
+            raise MeasurementError(msg)
         linear = [e for e in result.effects if e is not element]
         there = self.with_forces_of(result)
         refs = [ref for ref in result.values if ref[0] != element.name]

@@ -20,7 +20,7 @@ from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.inference.bases import direct_responses
 from updating.inference.defaults import EXPLAINED_LEVEL, MOST_SPLITS
 from updating.inference.fit import FitProblem
-from updating.inference.fit_data import NOISE_LIMIT, FitData, prepare, sensor_vectors
+from updating.inference.fit_data import NOISE_LIMIT, FitData, ends_of, prepare, sensor_vectors
 from updating.inference.fit_result import FitResult, fitted_model
 from updating.inference.parameters import DampingCurve
 from updating.inference.unknowns import Uncertain
@@ -29,6 +29,7 @@ from updating.measurement.measurement import (
     MeasurementError,
     Sensor,
     directed_of,
+    outputs_of,
     usable_lines,
     with_instruments,
 )
@@ -67,7 +68,8 @@ class ProblemOptions(FitOptions, total=False):
 
 def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
     """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
-    return forces_at(model, (*measurement.excitations, *measurement.sensors))
+    every, _ = outputs_of(measurement.sensors, measurement.excitations)
+    return forces_at(model, (*measurement.excitations, *every))
 
 
 def forces_at(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
@@ -278,8 +280,10 @@ def _prepared(
         for d in np.linalg.svd([s.direction])[2][1:]
     ]
     sensors = (*measurement.sensors, *(() if model_error == 0 else square))
-    outputs, inputs = (sensor_vectors(reduced.model, part) for part in (sensors, measurement.excitations))
-    engine = ParametricFRF(reduced, outputs, inputs, f, (), viscous=measurement.viscous)
+    outputs, inputs, references = ends_of(reduced.model, sensors, measurement.excitations)
+    engine = ParametricFRF(
+        reduced, outputs, inputs, f, (), viscous=measurement.viscous, references=references
+    )
     values, zeta = values_of(reduced.model, ()), curve.ratio(f, curve.start)
     nominal, moved = np.split(engine.evaluate(values, zeta, gradient=False)[0], [n], axis=1)
     if not moved.size:
@@ -365,8 +369,8 @@ def finer_receptances(
     f, highest = problem.data.frequency[lines], float(problem.data.frequency[-1])
     forces = attachment_forces(model, m)
     reduced = reduce_model(model, forces, highest, margin=MODE_MARGIN, releasable=False)
-    outputs, inputs = (sensor_vectors(model, part) for part in (m.sensors, m.excitations))
-    engine = ParametricFRF(reduced, outputs, inputs, f, (), viscous=problem.viscous)
+    outputs, inputs, references = ends_of(model, m.sensors, m.excitations)
+    engine = ParametricFRF(reduced, outputs, inputs, f, (), viscous=problem.viscous, references=references)
     return engine.evaluate(np.zeros(0), problem.damping.ratio(f, result.zeta), gradient=False)[0]
 
 

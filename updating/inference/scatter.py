@@ -153,20 +153,24 @@ def _misread(problem: FrfInputs, result: FitResult) -> tuple[list[Complexes], li
     values, zeta = np.array([result.values[r] for r in refs]), problem.damping.ratio(f, result.zeta)
     state, _, _ = engine.solve(values, zeta)
     Xi, Xo = (state.solve(engine.inputs), state.solve(engine.outputs, transposed=True))
-    H = engine.read(values, state, Xi)
+    every = engine.read(values, state, Xi)
+    H = engine.referred(every)
     misread = np.tensordot(state.V.T, problem.misread[engine.active], axes=1)
     n_out = H.shape[1]
     of_outputs = np.einsum("roe,rif->oefi", misread[:, :n_out], Xi, optimize=True)
-    of_inputs = np.einsum("rie,rof->iefo", misread[:, n_out:], Xo, optimize=True)
-    by = np.where(H != 0, 1 / np.where(H != 0, H, 1.0), 0.0)
+    of_inputs = np.einsum("rie,rof->efoi", misread[:, n_out:], Xo, optimize=True)
+    of_inputs = engine.referred_slopes(of_inputs, every)
+    # Errors of the sensors that responses refer to are not among them.
+    alone = every[:, :n_out]
+    by, by_output = (np.where(X != 0, 1 / np.where(X != 0, X, 1.0), 0.0) for X in (H, alone))
     function = FrfFunction(problem, (), *problem.unknowns((), ()), lines)
     levels = function.levels(counted_as=FULL_LINES)
     member = np.unique(function.groups, return_inverse=True)[1]
     worth = np.zeros(H.shape)
     worth[function.keep] = (levels.weight(levels.noise) / np.bincount(member))[member]
     counts = data.weight[lines] * np.sqrt(worth)
-    outputs = [of_outputs[k] * by[:, k] for k in range(n_out)]
-    inputs = [of_inputs[k] * by[:, :, k] for k in range(H.shape[2])]
+    outputs = [of_outputs[k] * by_output[:, k] for k in range(n_out)]
+    inputs = [of_inputs[..., k] * by[:, :, k] for k in range(H.shape[2])]
     if not data.phase:  # amplitudes alone are known
         outputs, inputs = ([x.real + 0j for x in side] for side in (outputs, inputs))
     return [*outputs, *inputs], [*(counts[:, k] for k in range(n_out)), *np.moveaxis(counts, 2, 0)]

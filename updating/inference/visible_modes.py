@@ -11,7 +11,7 @@ from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.mode_targets import ModeTargets
-from updating.measurement.measurement import MOTION, BaseMotion, Sensor
+from updating.measurement.measurement import MOTION, Sensor
 
 IN_PLANE = 0.5
 """Least share of a mode's motion in the plane of a test for it to be seen [-]."""
@@ -82,7 +82,7 @@ def mass_of(model: Model) -> float:
 
 def _judged(part: Sequence[Sensor], mass: float) -> bool:
     """Whether all channels are motions or forces of points: others have another scale."""
-    motions = [s.directed and s.quantity == MOTION and not isinstance(s, BaseMotion) for s in part]
+    motions = [s.directed and s.quantity == MOTION for s in part]
     return bool(motions) and all(motions) and bool(np.isfinite(mass))
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.frf_solver import compute_frf
@@ -11,8 +11,8 @@ from fem.model import Model
 from fem.system import assemble
 from updating.measurement.measurement import (
     STRAIN,
-    BaseMotion,
     Sensor,
+    outputs_of,
     roving_masses,
     sensor_rows,
     with_mass_of,
@@ -27,7 +27,7 @@ def computed_frf(
     frequency: ArrayLike,
     kind: FRFKind | str,
 ) -> FRF:
-    """Return the FRFs of a model; its base moves where an excitation is a motion of the base.
+    """Return the FRFs of a model as the excitations say: its base may move, or responses refer to a sensor.
 
     Of a strain gauge they are strains, whatever the kind. The mass of a roving sensor is on the structure for
     its own responses alone.
@@ -48,14 +48,20 @@ def computed_frf(
         :func:`updating.measurement.measurement.with_moving_base`.
     """
     model = with_moving_base(model, excitations)
-    outputs, inputs = (sensor_rows(model, part) for part in (sensors, excitations))
-    system = assemble(model, reciprocal=False)
+    every, references = outputs_of(sensors, excitations)
+    outputs, inputs = (sensor_rows(model, part) for part in (every, excitations))
     f = np.asarray(frequency, dtype=float)
-    H = np.array(compute_frf(system, f, outputs, inputs, FRFKind.RECEPTANCE).H)
+
+    def receptances(model: Model, rows: NDArray[np.int64]) -> NDArray[np.complex128]:
+        system = assemble(model, reciprocal=False)
+        at = np.append(rows, np.arange(len(sensors), len(every)))
+        H = np.array(compute_frf(system, f, outputs[at], inputs, FRFKind.RECEPTANCE).H)
+        return H if references is None else references.behind(len(rows)).read(H, 2 * np.pi * f)
+
+    H = receptances(model, np.arange(len(sensors)))
     for rows, sensor, mass in roving_masses(sensors):
-        loaded = assemble(with_mass_of(model, sensor, mass), reciprocal=False)
-        H[:, rows] = compute_frf(loaded, f, outputs[rows], inputs, FRFKind.RECEPTANCE).H
+        H[:, rows] = receptances(with_mass_of(model, sensor, mass), rows)
     names, forces = (tuple(s.name for s in part) for part in (sensors, excitations))
-    base = [s.name for s in excitations if isinstance(s, BaseMotion)]
+    base = [e.name for e in excitations if e.per_acceleration]
     strain = [s.name for s in sensors if s.quantity == STRAIN]
     return FRF.from_arrays(frequency, H, FRFKind.RECEPTANCE, names, forces, base, strain).as_kind(kind)

@@ -12,6 +12,7 @@ from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved
 from fem.mesh import Mesh
 from fem.model import Instruments, Model, ModelError, dofs_of, lever_matrix
+from fem.reduction.referred import References
 from fem.summary import counted, span, summary
 from updating.measurement.channel_errors import (
     DIRECTION,
@@ -82,6 +83,21 @@ class Sensor:
     """Readings of a motion have the time derivatives of the FRFs' kind; others have none."""
     directed: ClassVar[bool] = True
     """Whether it reads the motion of its point along ``direction``, and by its build some of that across."""
+    signal_unit: ClassVar[str] = "N"
+    """Unit of what an excitation of this kind does in time."""
+    per_acceleration: ClassVar[bool] = False
+    """Whether FRFs to an excitation of this kind are per unit acceleration, in place of unit force."""
+
+    def reference_sensor(self) -> "Sensor | None":
+        """Return the sensor whose acceleration FRFs to this excitation refer to; None where it is known.
+
+        Such FRFs have the zeros of that sensor's FRF for poles, in place of the structure's poles.
+        """
+        return None
+
+    def as_force(self) -> "Sensor":
+        """Return the excitation with FRFs per unit force, where it is a force of unknown size."""
+        return self
 
     def row(self, model: Model) -> NDArray[np.float64]:
         """Return the reading, or the force of an exciter, as a combination of DOFs, shape (n_dof,).
@@ -187,6 +203,8 @@ class BaseMotion(Sensor):
     """
 
     directed: ClassVar[bool] = False
+    signal_unit: ClassVar[str] = "m/s^2"
+    per_acceleration: ClassVar[bool] = True
 
     def row(self, model: Model) -> NDArray[np.float64]:
         """Return the force on the base that gives it the acceleration 1 along ``direction``, (n_dof,).
@@ -365,8 +383,13 @@ class Measurement:
         """Whether forces and responses may be exchanged by reciprocity: all are of motions of points."""
         channels = (*self.sensors, *self.excitations)
         return not any(
-            isinstance(c, BaseMotion) or c.quantity != MOTION or (c.roving and c.mass > 0) for c in channels
+            c.per_acceleration or c.quantity != MOTION or (c.roving and c.mass > 0) for c in channels
         )
+
+    @property
+    def has_structure_poles(self) -> bool:
+        """Whether the FRFs have the poles of the structure, so that its modes can be identified in them."""
+        return all(e.reference_sensor() is None for e in self.excitations)
 
     @property
     def roving_masses(self) -> tuple[tuple[NDArray[np.int64], Sensor, float], ...]:
@@ -560,8 +583,8 @@ def with_moving_base(model: Model, excitations: Sequence[Sensor]) -> Model:
 
 
 def quantity_of(kind: FRFKind, excitation: Sensor) -> tuple[str, str]:
-    """Return name and SI unit of the FRFs of a kind to an excitation, a force or a motion of the base."""
-    return kind.to_base if isinstance(excitation, BaseMotion) else (str(kind), kind.unit)
+    """Return name and SI unit of the FRFs of a kind to an excitation: per force, or per acceleration."""
+    return kind.to_base if excitation.per_acceleration else (str(kind), kind.unit)
 
 
 def with_resting_base(model: Model) -> Model:
@@ -571,7 +594,30 @@ def with_resting_base(model: Model) -> Model:
 
 def with_instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Model:
     """Return a model with the masses of its instruments, on a base that moves where an excitation is such."""
-    return with_moving_base(with_sensor_masses(model, (*sensors, *excitations)), excitations)
+    every = (*sensors, *excitations, *references_of(excitations))
+    return with_moving_base(with_sensor_masses(model, every), excitations)
+
+
+def references_of(excitations: Sequence[Sensor]) -> tuple[Sensor, ...]:
+    """Return the sensors that FRFs to some excitations refer to, each once."""
+    found = (e.reference_sensor() for e in excitations)
+    return tuple({s.name: s for s in found if s is not None}.values())
+
+
+def outputs_of(
+    sensors: Sequence[Sensor], excitations: Sequence[Sensor]
+) -> tuple[tuple[Sensor, ...], References | None]:
+    """Return sensors and behind them those that the excitations refer to, and what divides what.
+
+    None where all FRFs are per unit force or motion of the base.
+    """
+    references = references_of(excitations)
+    if not references:
+        return tuple(sensors), None
+    row = {s.name: len(sensors) + k for k, s in enumerate(references)}
+    found = [e.reference_sensor() for e in excitations]
+    rows = np.array([-1 if s is None else row[s.name] for s in found], dtype=np.int64)
+    return (*sensors, *references), References(len(sensors), rows)
 
 
 def sensor_point(mesh: Mesh, sensor: Sensor) -> int:
@@ -607,7 +653,7 @@ def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
     every = (*measurement.sensors, *measurement.other_sensors)
     sensors = tuple(s for s in directed_of(every) if not s.roving)
     forces = directed_of((*measurement.excitations, *measurement.other_excitations))
-    return Instruments(*places(sensors), *places(tuple(e for e in forces if not isinstance(e, BaseMotion))))
+    return Instruments(*places(sensors), *places(forces))
 
 
 def motions_of(sensors: Sequence[Sensor]) -> tuple[Sensor, ...]:
@@ -652,6 +698,8 @@ def shapes_like_motions(
 def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
     """Return 1 or -1 if a sensor reads the motion of a force's place, along or against the force, else 0.
 
+    Of an excitation whose force is unknown it is 0: its FRFs are no driving-point FRFs.
+
     Parameters
     ----------
     sensor, excitation : Sensor
@@ -661,7 +709,7 @@ def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
     cosine = float(np.dot(sensor.direction, excitation.direction))
     apart = np.asarray(sensor.point) + sensor.arm - excitation.point - excitation.arm
     near = np.linalg.norm(apart) <= tolerance
-    alike = sensor.directed and excitation.directed
+    alike = sensor.directed and excitation.directed and not excitation.per_acceleration
     return float(np.sign(cosine)) if near and alike and abs(cosine) > 0.999 else 0.0
 
 

@@ -16,7 +16,6 @@ import numpy as np
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import fit, refit
-from updating.measurement.measurement import BaseMotion
 from updating.quality.corrections import (
     FAULTS,
     UNLIKE_EFFECTS,
@@ -247,7 +246,7 @@ def _views(problem: FitProblem, result: FitResult) -> list[View]:
 
     Where sensors are too few for that, the transpose alone tells.
     """
-    problem = problem.unloaded(result)
+    problem = problem.unloaded(result).as_forces(result)
     m, direct = problem.data.measurement, (problem, result, lambda fault: fault)
     turned = _transpose(problem, result) if len(m.excitations) >= LEAST_CHANNELS else None
     if turned is None:
@@ -348,7 +347,7 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
     motion, variance = less_certain(problem, X, 0.3).everywhere(problem.vectors[1].T @ field.shapes)
     found: list[tuple[FaultHypothesis, tuple[tuple[Fault, ...], ...]]] = []
     error = X.prior[1]
-    forces = [k for k, e in enumerate(excitations) if not isinstance(e, BaseMotion)]
+    forces = [k for k, e in enumerate(excitations) if not e.per_acceleration]
     for n, k in enumerate(forces):
         for j in forces[:n]:
             y, p = motion[:, k, j], motion[:, j, k]

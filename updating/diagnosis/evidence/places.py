@@ -135,12 +135,17 @@ class Reach:
                 moved = fields.outputs[dofs]
                 flat = (S.T @ moved.reshape(len(dofs), -1)).reshape(S.shape[1], *moved.shape[1:])
                 local.append(flat.transpose(2, 1, 0))
-            shapes = [_independent(np.concatenate(local, axis=2))[:, None]] if local else []
-            n_in = self.changes.H.shape[2]
-            shapes = [np.broadcast_to(X, (X.shape[0], n_in, *X.shape[2:])) for X in shapes]
+            shapes = [self._at_inputs(_independent(np.concatenate(local, axis=2)))] if local else []
             shapes += [_strongest(np.concatenate(each, axis=3))] if each else []
             out.append(np.concatenate(shapes, axis=3) if shapes else np.zeros((0,) * 4))
         return out
+
+    def _at_inputs(self, shapes: Complexes) -> Complexes:
+        """Return what shapes (n_freq, n_all, k) of all outputs do to readings, (n_freq, n_in, n_out, k)."""
+        slopes = shapes.transpose(2, 0, 1)[..., None]
+        n_in = self.changes.every.shape[2]
+        slopes = np.broadcast_to(slopes, (*slopes.shape[:3], n_in))
+        return self.changes.slopes_read(slopes).transpose(1, 3, 2, 0)
 
 
 def acting(effect: Effect) -> Effect:

@@ -1,0 +1,106 @@
+"""Responses over that of a reference sensor, to a force that nobody measured, through the commands."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dovetail import load_study
+from fem import FRF, PointMass
+from fem.io import write_npz
+from tests.frames import MAST
+from tests.noise import complex_normal
+from updating import computed_frf
+
+SENSORS = """
+[[sensors]]
+name = "tip"
+point = "tip"
+direction = "x"
+
+[[sensors]]
+name = "middle"
+point = [0.0, 0.0, 0.55]
+direction = "x"
+
+[[sensors]]
+name = "low"
+point = [0.0, 0.0, 0.3]
+direction = "x"
+
+[[sensors]]
+name = "high"
+point = [0.0, 0.0, 0.75]
+direction = "x"
+
+[[excitations]]
+point = [0.0, 0.0, 0.45]
+name = "hammer"
+direction = "x"
+reference = "low"
+
+[frequency]
+start = 4.0
+stop = 500.0
+step = 3.0
+
+[damping]
+loss_factor = 0.02
+
+[candidates]
+kinds = ["point_mass", "member_stiffness"]
+"""
+MEASURED = """
+[[measurements]]
+file = "frf.npz"
+kind = "transmissibility"
+"""
+HIDDEN = PointMass(name="hidden", member="mast", position=0.8, mass=0.15)
+
+
+def mast(folder, mass=0.15, phase=True, seed=5):
+    """Return the study of a mast that is hit by nobody knows how much, with a mass that it does not know."""
+    path = folder / "study.toml"
+    path.write_text(MAST + SENSORS)
+    study = load_study(path)
+    true = study.model.with_effect(*([replace(HIDDEN, mass=mass)] if mass else []))
+    f, force = study.frequency, (study.excitations[0].as_force(),)
+    H = computed_frf(true, study.sensors, force, f, "accelerance").H
+    rng = np.random.default_rng(seed)
+    responses = H * complex_normal(rng, (len(f), 1, 1))  # a spectrum of the force like noise
+    names = [s.name for s in study.sensors]
+    T = responses / responses[:, [names.index("low")]]
+    T[:, :] *= 1 + 0.003 * complex_normal(rng, T.shape)
+    T[:, names.index("low")] = 1.0
+    T = T if phase else np.abs(T).astype(complex)
+    write_npz(folder / "frf.npz", FRF.from_arrays(f, T, "accelerance", names, ["low"], ["low"]))
+    path.write_text(MAST + SENSORS + MEASURED)
+    return path
+
+
+@pytest.fixture(scope="module")
+def right(tmp_path_factory):
+    return load_study(mast(tmp_path_factory.mktemp("right"), mass=0.0))
+
+
+def test_a_right_model_meets_its_ratios_up_to_noise(right):
+    assert right.warnings == ()
+    assert right.error().all_db < 0.1  # 0.3 % of noise is 0.026 dB
+    (m,) = right.measurements
+    assert [s.name for s in m.sensors] == ["tip", "middle", "high"]
+    assert (m.frf.quantity, m.frf.unit, m.frf.inputs) == ("transmissibility", "-", ("hammer",))
+
+
+def test_a_hidden_mass_is_found_without_the_force(tmp_path):
+    found = load_study(mast(tmp_path)).diagnose()
+    assert found.verdict == "effect"
+    (finding,) = found.findings
+    values = {p.name: p for p in finding.parameters}
+    assert finding.effect.name == "point_mass:mast"
+    assert values["mass"].value == pytest.approx(0.15, abs=3 * values["mass"].std)
+    assert values["position"].value == pytest.approx(0.8, abs=3 * values["position"].std)
+    assert values["mass"].std < 0.02
+
+
+def test_nothing_is_found_where_nothing_is_hidden(tmp_path):
+    assert load_study(mast(tmp_path, mass=0.0)).diagnose().verdict == "nothing missing"
