@@ -386,7 +386,7 @@ def _unexplained(d: ModeDiagnosis) -> tuple[str, ...]:
     if d.verdict != UNEXPLAINED:
         return ()
     problem, lead, f = d.problem, d.searched.lead, d.problem.targets.frequency
-    beyond = np.sqrt(lead.fitted.misfit / problem.allowed_squares)
+    beyond = np.sqrt(lead.fitted.misfit / problem.allowed_squares())
     readings = problem.readings()
     worst = [k for k in np.argsort(-beyond)[:MOST_NAMED] if beyond[k] > 1]
     if not worst:
