@@ -6,7 +6,7 @@ import pytest
 from benchmarks.hidden.cases import make_case
 from fem.reduction.reduced_model import ReducedModel
 from updating import assessed_fit, build_problem, propose
-from updating.diagnosis.evidence import Fits, Ranking, Odds
+from updating.diagnosis.evidence import Fits, Odds, Ranking
 from updating.diagnosis.evidence import Hypothesis as Fitted
 from updating.live import Hypothesis, LiveModel, fit_all, rank
 
