@@ -61,9 +61,10 @@ class JointHole(OnSide):
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Return both directions across the member for each side of each joint of two parts."""
         out = []
-        for joint, side, member, at in sides_of(model):
-            if is_foot(joint):
+        for joint, side, here in sides_of(model):
+            if is_foot(joint) or len(here) > 1:
                 continue
+            ((member, at),) = here
             size = section_size(model, member)
             axes = frame_of(model).rotations(model.mesh, [int(model.mesh.members[member][0])])[0]
             for d, across in zip("yz", axes[1:], strict=True):

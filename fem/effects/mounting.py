@@ -46,8 +46,8 @@ def members_at(model: Model) -> dict[int, list[tuple[str, float]]]:
     return on
 
 
-def sides_of(model: Model) -> Iterator[tuple[Joint, int, str, float]]:
-    """Yield joint, side, member and arc length [m] of each side of an elastic joint that is on one member."""
+def sides_of(model: Model) -> Iterator[tuple[Joint, int, list[tuple[str, float]]]]:
+    """Yield joint, side, and members with arc lengths [m] there, of each side of an elastic joint on members."""
     if not model.of_kind(Frame):
         return
     on = members_at(model)
@@ -55,9 +55,8 @@ def sides_of(model: Model) -> Iterator[tuple[Joint, int, str, float]]:
         if joint.rigid or np.any(joint.M):
             continue
         for side, point in ((1, joint.point1), (2, joint.point2)):
-            if point is not None and len(on.get(point, ())) == 1:
-                ((member, at),) = on[point]
-                yield joint, side, member, at
+            if point is not None and point in on:
+                yield joint, side, on[point]
 
 
 def is_foot(joint: Joint) -> bool:
@@ -163,10 +162,12 @@ class AlongMember(OnSide):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Return each elastic foot, or each side of each elastic joint of two parts."""
+        """Return each elastic foot along each member there, or each side of each elastic joint of two parts."""
         out = []
-        for joint, side, member, at in sides_of(model):
-            if is_foot(joint) == cls.of_feet:
+        for joint, side, here in sides_of(model):
+            if is_foot(joint) != cls.of_feet or (len(here) > 1 and not cls.of_feet):
+                continue
+            for member, at in here:
                 length = model.mesh.member_length(member)
                 reach = REACH * length
                 out.append(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fem import Joint, Section, assemble, compute_frf, solve_modes
+from fem import Frame, Joint, MemberProperties, Mesh, Model, Section, assemble, compute_frf, solve_modes
 from fem.effects import (
     Crack,
     EndRelease,
@@ -65,6 +65,24 @@ def test_a_foot_that_is_shifted_is_one_at_another_point():
     (shift,) = FootShift.propose(here)
     moved = here.with_effect(shift.with_values(amount=0.1))
     there = footed(model, point_at(model, 0.4), 0.4)
+    np.testing.assert_allclose(frequencies(moved), frequencies(there), rtol=1e-6)
+
+
+@pytest.mark.parametrize("amount", [0.05, -0.05])
+def test_a_foot_under_two_members_shifts_along_either(amount):
+    properties = MemberProperties(STEEL, FLAT)
+    mesh = Mesh.from_lines(
+        [[0, 0, 0], [0.3, 0, 0], [1.0, 0, 0]], [[0, 1], [1, 2]], {"left": [0], "right": [1]}
+    ).refined(0.05)
+    model = Model(mesh, (Frame(members={"left": properties, "right": properties}),))
+    here = footed(model, point_at(model, 0.3), 0.3)
+    shifts = FootShift.propose(here)
+    assert [(e.name, e.lower < 0, e.upper > 0) for e in shifts] == [
+        ("foot_shift:foot.left", True, False),
+        ("foot_shift:foot.right", False, True),
+    ]
+    moved = here.with_effect(shifts[int(amount > 0)].with_values(amount=amount))
+    there = footed(model, point_at(model, 0.3 + amount), 0.3 + amount)
     np.testing.assert_allclose(frequencies(moved), frequencies(there), rtol=1e-6)
 
 
