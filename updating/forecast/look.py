@@ -319,7 +319,7 @@ class Look:
         return self._weighing.costs(v) + known
 
     def parts(self, r: Complexes) -> tuple[Floats, Floats]:
-        """Return the mean squares of the groups (n, n_groups), and half the sum of the priors' squares (n,)."""
+        """Return mean squares of the groups (n, n_groups), and half the sum of the priors' squares (n,)."""
         m = len(self.share)
         return pseudo_huber(r[:, :m], ROBUST) @ self.share, 0.5 * (r[:, m:].real ** 2).sum(axis=1)
 
