@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fem.model import ParameterRef
 from fem.reduction.scaling import scale_factors
-from fem.reduction.series import terms_in_series
+from fem.reduction.series import negative, terms_in_series
 from fem.reduction.terms import ReducedTerm
 from updating.forecast.grid import WEAKER, Grid, Little
 from updating.inference.fit_data import SYSTEMATIC_FROM
@@ -42,7 +42,8 @@ def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[ReducedT
     """Return what the effect adds at the points, on members and joints as a fit has them.
 
     A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
-    nominal 1 % would be left, which is much of a short element's.
+    nominal 1 % would be left, which is much of a short element's. A parameter that the effect replaces is
+    back at its nominal value, of which the effect is a change.
     """
     reduced, effect = problem.reduced, grid.effect
     nominal = reduced.nominal
@@ -56,6 +57,14 @@ def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[ReducedT
         for ref in effect.refers_to(reduced.model)
         if nominal.get(ref) and base.values.get(ref, nominal[ref]) != nominal[ref]
     }
+    replaced = {ref: base.values[ref] for ref in effect.replaces() if ref in base.values}
+    if back := [ref for ref, value in replaced.items() if value != nominal.get(ref, value)]:
+        model = reduced.model.with_values({ref: base.values[ref] for ref in ratio})
+        fitted, owners = model.with_values(replaced), dict.fromkeys(name for name, _ in back)
+        same = [c for name in owners for c in model.parts_of(model.effect(name))]
+        same += [negative(c) for name in owners for c in fitted.parts_of(fitted.effect(name))]
+        each = (reduced.project([*model.parts_of(e), *same]) for e in points)
+        return tuple(replace(term, connection=effect.connection) for term in each)
     if not ratio:
         return grid.terms(problem)
     stiffer = float(np.prod([f for (_, name), f in ratio.items() if name.startswith("E:")]))
