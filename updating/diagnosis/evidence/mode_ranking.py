@@ -9,7 +9,7 @@ import numpy as np
 
 from fem.model import Effect
 from updating.diagnosis.evidence.places import Place, acting
-from updating.diagnosis.evidence.ranking import RankedBlocks, Ranking
+from updating.diagnosis.evidence.ranking import Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.forecast.look import Floats, Look
 from updating.inference.belief import EFFECT_ODDS
@@ -57,10 +57,6 @@ class ModeRanking(Ranking):
             if both.residual_ratio < 0.9 * min(one.residual_ratio, two.residual_ratio):
                 pairs.append(both)
         return tuple(sorted([*singles, *pairs], key=lambda s: s.residual_ratio))
-
-    def blocks(self, problem: Any, current: FitResult, *, far: bool) -> RankedBlocks:
-        """Return what ranks nothing: modes say too little of several springs at once."""
-        return lambda groups: []
 
     def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> None:
         """Return None: :mod:`updating.diagnosis.unfitted` weighs them."""
