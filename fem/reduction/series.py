@@ -61,7 +61,7 @@ def terms_in_series(
     for each in effects:
         parts, wider = list(model.parts_of(each)), model.with_effect(each)
         for now in (model.effect(e.name) for e in soft):
-            parts += [*wider.parts_of(now), *(_negative(c) for c in model.parts_of(now))]
+            parts += [*wider.parts_of(now), *(negative(c) for c in model.parts_of(now))]
         out.append(replace(reduced.project(parts), connection=effect.connection))
     return tuple(out)
 
@@ -74,6 +74,7 @@ def _alters(effect: Effect, soft: Effect, model: Model) -> bool:
     return any(name == effect.name for name, _ in soft.refers_to(both))
 
 
-def _negative(c: Contribution) -> Contribution:
+def negative(c: Contribution) -> Contribution:
+    """Return a contribution that takes another one away."""
     parts = {key: None if (X := getattr(c, key)) is None else -X for key in "KMCD"}
     return replace(c, **parts)

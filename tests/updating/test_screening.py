@@ -201,6 +201,22 @@ def test_an_uncertain_parameter_does_not_hide_the_effect_that_takes_its_place():
     assert differs  # from what is left where that parameter adapts
 
 
+@pytest.mark.parametrize("factor", [0.7, 1.3])
+def test_effect_at_the_fitted_value_of_what_it_replaces_changes_nothing(factor):
+    case = make_case(1, "cross", "joint_stiffness")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    nominal, uncertain = problem.nominal(), {(n.effect, n.parameter) for n in problem.nuisances}
+    every = propose(case.model, ["joint_stiffness"])
+    effect = next(e for e in every if set(e.replaces()) & uncertain)
+    (ref,) = effect.replaces()
+    fitted = factor * nominal.values[ref]
+    look = Look.of(problem, replace(nominal, values={**nominal.values, ref: fitted}), 12, 0, 10**6)
+    assert np.abs(look.changes(Grid(effect, ({"stiffness": fitted},)))).max() < 1e-9
+    beyond = look.changes(Grid(effect, ({"stiffness": 2 * fitted},)))[0]
+    true = Look.of(problem, replace(nominal, values={**nominal.values, ref: 2 * fitted}), 12, 0, 10**6)
+    np.testing.assert_allclose(look.now + beyond, true.now, atol=0.02 * np.abs(beyond).max())
+
+
 def test_what_data_to_come_will_leave_weighs_their_residuals_less(prepared):
     _, problem, null, _ = prepared
     looks = [Look.of(problem, null, 12, 0, 10**6, besides) for besides in (0.0, 0.2, 0.5)]

@@ -67,7 +67,7 @@ class Forecast:
         Changes of the weighted residuals of the full band, where they were asked for.
     """
 
-    look: Look
+    look: Look[Any, Any]
     littles: tuple[Little, ...]
     owner: Ints
     place: Ints
@@ -112,7 +112,7 @@ class Forecast:
     @classmethod
     def of(
         cls,
-        look: Look,
+        look: Look[Any, Any],
         grids: Sequence[Grid],
         *,
         n_places: int = 0,

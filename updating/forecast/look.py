@@ -8,14 +8,14 @@ the grid costs what its few DOFs cost. Kinds of data differ in their changes of 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import ParameterRef
 from fem.reduction.scaling import scale_factors
-from fem.reduction.series import terms_in_series
+from fem.reduction.series import negative, terms_in_series
 from fem.reduction.terms import ReducedTerm
 from updating.forecast.grid import WEAKER, Grid, Little
 from updating.inference.fit_data import SYSTEMATIC_FROM
@@ -36,13 +36,16 @@ SMALL = 1e-9
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+P = TypeVar("P", bound=Problem[Any])
+C = TypeVar("C", bound=ResidualChanges)
 
 
 def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[ReducedTerm, ...]:
     """Return what the effect adds at the points, on members and joints as a fit has them.
 
     A hinge takes away all the stiffness that its member has there: of one that is by 1 % stiffer than
-    nominal 1 % would be left, which is much of a short element's.
+    nominal 1 % would be left, which is much of a short element's. A parameter that the effect replaces is
+    back at its nominal value, of which the effect is a change.
     """
     reduced, effect = problem.reduced, grid.effect
     nominal = reduced.nominal
@@ -56,6 +59,14 @@ def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[ReducedT
         for ref in effect.refers_to(reduced.model)
         if nominal.get(ref) and base.values.get(ref, nominal[ref]) != nominal[ref]
     }
+    replaced = {ref: base.values[ref] for ref in effect.replaces() if ref in base.values}
+    if back := [ref for ref, value in replaced.items() if value != nominal.get(ref, value)]:
+        model = reduced.model.with_values({ref: base.values[ref] for ref in ratio})
+        fitted, owners = model.with_values(replaced), dict.fromkeys(name for name, _ in back)
+        same = [c for name in owners for c in model.parts_of(model.effect(name))]
+        same += [negative(c) for name in owners for c in fitted.parts_of(fitted.effect(name))]
+        each = (reduced.project([*model.parts_of(e), *same]) for e in points)
+        return tuple(replace(term, connection=effect.connection) for term in each)
     if not ratio:
         return grid.terms(problem)
     stiffer = float(np.prod([f for (_, name), f in ratio.items() if name.startswith("E:")]))
@@ -87,7 +98,7 @@ class SmallChange(Little):
 
 
 @dataclass(eq=False)
-class Look:
+class Look(Generic[P, C]):
     """A fitted model with all but the candidates fixed, m residuals, and what adapts to their changes.
 
     Prior knowledge counts as more residuals behind those of the data.
@@ -118,8 +129,8 @@ class Look:
         missing.
     """
 
-    problem: Problem[Any]
-    residuals: ResidualChanges
+    problem: P
+    residuals: C
     share: Floats
     likelihood: Any
     squares: Floats
@@ -144,7 +155,7 @@ class Look:
         besides: float | None = None,
         *,
         bounded: bool = True,
-    ) -> "Look":
+    ) -> "Look[Any, Any]":
         """Look from where the base is; ``n_full``, ``n_low``, ``most`` as of :meth:`Problem.changes_at`.
 
         Data that are still to come will leave noise and ``besides`` [nepers]. Unless ``bounded`` uncertain
@@ -167,7 +178,7 @@ class Look:
         near = NEAR_BOUND * np.where(np.isfinite(prior.std), prior.std, 0.0)
         free = (x > low_bound + near) & (x < high_bound - near)
         free |= not bounded
-        return cls(
+        return Look(
             problem=problem,
             residuals=residuals,
             share=share,
@@ -184,7 +195,7 @@ class Look:
     @classmethod
     def several(
         cls, problem: Problem[Any], base: FitResult, n_full: int | None, n_low: int, most: int
-    ) -> "tuple[Look, ...]":
+    ) -> "tuple[Look[Any, Any], ...]":
         """Return a look and, where any reading seems to be a bad one, the same as if none were."""
         look = cls.of(problem, base, n_full, n_low, most)
         return (look, look.with_all_readings()) if look.is_doubtful else (look,)
@@ -199,7 +210,7 @@ class Look:
         """Whether any reading seems to be a bad one."""
         return bool((self.likelihood.is_bad(self.level) > DOUBT).any())
 
-    def with_all_readings(self) -> "Look":
+    def with_all_readings(self) -> "Look[P, C]":
         """Return the look with changes weighted as if no reading were a bad one."""
         return replace(self, all_belong=True)
 
@@ -225,7 +236,7 @@ class Look:
         everywhere if the data see none of the points.
         """
         change = self._changes(grid)
-        possible = np.isfinite(change).all(axis=1)
+        possible = _finite_rows(change)
         change = np.where(possible[:, None], change, 0.0)
         r, full = self.residuals.now + change, self.residuals.full_band
         every = [self.costs(self.adapted(r[:, full], grid.effect.replaces(), self.off))]
@@ -240,7 +251,7 @@ class Look:
         Of a candidate that leaves more everywhere it is negative.
         """
         change = self._changes(grid)[:, self.residuals.full_band]
-        possible = np.isfinite(change).all(axis=1)
+        possible = _finite_rows(change)
         replaced, weight = grid.effect.replaces(), self.weights
         rest = self.adapted(self.now + np.where(possible[:, None], change, 0.0), replaced, self.off)
         left = np.where(possible, np.abs(rest) ** 2 @ weight, np.inf)
@@ -269,7 +280,7 @@ class Look:
 
     def sees(self, change: Complexes, resolution: Floats) -> NDArray[np.bool_]:
         """Return which changes (n, m or more) any residual sees, (n,)."""
-        return (np.abs(change[:, : len(resolution)]) >= resolution).any(axis=1)
+        return np.asarray((np.abs(change[:, : len(resolution)]) >= resolution).any(axis=1), dtype=np.bool_)
 
     @cached_property
     def resolution(self) -> Floats:
@@ -302,7 +313,7 @@ class Look:
     def all_changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of all residuals, (n_points, m); 0 where impossible."""
         change = self._changes(grid)
-        return np.where(np.isfinite(change).all(axis=1)[:, None], change, 0.0)
+        return np.where(_finite_rows(change)[:, None], change, 0.0)
 
     def _changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of all residuals, (n_points, m); NaN where impossible."""
@@ -319,7 +330,7 @@ class Look:
         return self._weighing.costs(v) + known
 
     def parts(self, r: Complexes) -> tuple[Floats, Floats]:
-        """Return the mean squares of the groups (n, n_groups), and half the sum of those of the priors (n,)."""
+        """Return mean squares of the groups (n, n_groups), and half the sum of the priors' squares (n,)."""
         m = len(self.share)
         return pseudo_huber(r[:, :m], ROBUST) @ self.share, 0.5 * (r[:, m:].real ** 2).sum(axis=1)
 
@@ -446,6 +457,10 @@ def _best_multiples(
     slope = (weight * (change.conj() * now).real).sum(axis=1)
     least = np.where(one_sided, 0.0, -most)
     return np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
+
+
+def _finite_rows(change: Complexes) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(change).all(axis=1), dtype=np.bool_)
 
 
 def level(r: Complexes) -> Floats:

@@ -61,7 +61,7 @@ class ModeChanges(ResidualChanges):
         """Residuals of the fit, and its partners of the measured modes."""
         return self.function.residuals(self.modes)
 
-    @property
+    @cached_property
     def now(self) -> Complexes:
         """The weighted residuals of the fit, (m,)."""
         return self.found[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from fem.reduction.terms import ReducedTerm
-from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult
 
 Floats = NDArray[np.float64]
@@ -37,17 +37,17 @@ class ResidualChanges(ABC):
     """
 
     base: FitResult
-    function: FitFunction[Any]
+    function: Any
     x: Floats
     some: NDArray[np.int64]
     full_band: NDArray[np.bool_]
 
-    @property
+    @cached_property
     @abstractmethod
     def now(self) -> Complexes:
         """The weighted residuals of the fit, (m,)."""
 
-    @property
+    @cached_property
     @abstractmethod
     def resolution(self) -> Floats:
         """Changes of the residuals below these are not seen, (m,)."""

@@ -206,7 +206,11 @@ def choose(
 
 
 def _effects(
-    look: Look, candidates: Sequence[Effect], sizes: Relevant, odds: Odds, say: Callable[[float], None]
+    look: Look[Any, Any],
+    candidates: Sequence[Effect],
+    sizes: Relevant,
+    odds: Odds,
+    say: Callable[[float], None],
 ) -> tuple[int, list[Effect], NDArray[np.complex128], Floats]:
     """Return effects at some positions, what they do to the residuals (n, m), and the log odds against each.
 
@@ -268,7 +272,7 @@ class _Channels:
     data: Floats
 
     @classmethod
-    def of(cls, look: Look, changes: NDArray[np.complex128], more: float) -> "_Channels":
+    def of(cls, look: Look[Any, Any], changes: NDArray[np.complex128], more: float) -> "_Channels":
         """Sort the slopes; with fewer sensors than are possible each counts ``more``."""
         scatter, m = look.problem.scatter, len(look.share)
         n_out = len(look.problem.data.measurement.sensors)

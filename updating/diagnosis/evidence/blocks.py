@@ -50,7 +50,7 @@ class Blocks:
     """
 
     problem: Problem[Any]
-    look: Look
+    look: Look[Any, Any]
     _little: dict[str, SmallChange] = field(default_factory=dict, init=False)
 
     def of(self, group: Sequence[Effect]) -> Block:
@@ -65,7 +65,7 @@ class Blocks:
         return _block(self.look, [self._little[e.name] for e in group])
 
 
-def _block(look: Look, parts: Sequence[SmallChange]) -> Block:
+def _block(look: Look[Any, Any], parts: Sequence[SmallChange]) -> Block:
     """Return the block of some effects."""
     replaced = tuple(dict.fromkeys(ref for p in parts for ref in p.grid.effect.replaces()))
     change = np.stack([p.change[0] for p in parts])

@@ -9,12 +9,11 @@ import numpy as np
 
 from fem.model import Effect
 from updating.diagnosis.evidence.places import Place, acting
-from updating.diagnosis.evidence.ranking import RankedBlocks, Ranking
+from updating.diagnosis.evidence.ranking import Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.forecast.look import Floats, Look
 from updating.inference.belief import EFFECT_ODDS
 from updating.inference.fit_result import FitResult
-from updating.inference.problem import Problem
 
 N_PAIRED = 8
 """Number of the best connections of which pairs are made."""
@@ -29,7 +28,7 @@ class ModeRanking(Ranking):
     n_looked: int = 24
     precise_looks: bool = False
 
-    def scan(self, problem: Problem[Any], current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
+    def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places by the misfit that the slopes of all candidates there leave.
 
         Those are left out that gain less evidence than the prior asks for one more effect.
@@ -59,11 +58,7 @@ class ModeRanking(Ranking):
                 pairs.append(both)
         return tuple(sorted([*singles, *pairs], key=lambda s: s.residual_ratio))
 
-    def blocks(self, problem: Problem[Any], current: FitResult, *, far: bool) -> RankedBlocks:
-        """Return what ranks nothing: modes say too little of several springs at once."""
-        return lambda groups: []
-
-    def log_evidence(self, problem: Problem[Any], current: FitResult, effects: Sequence[Effect]) -> None:
+    def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> None:
         """Return None: :mod:`updating.diagnosis.unfitted` weighs them."""
         return
 

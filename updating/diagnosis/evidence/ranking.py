@@ -17,7 +17,6 @@ from updating.forecast.grid import Grid
 from updating.forecast.look import Floats
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
-from updating.inference.problem import Problem
 
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
@@ -61,13 +60,13 @@ class Ranking:
     form_share: float = 1.0
     precise_looks: bool = True
 
-    def scan(self, problem: Problem[Any], current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
+    def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places, and pairs of connections, by the part of the misfit that free forces there leave."""
         return Scan.of(problem, current).run(places)
 
     def screened(
         self,
-        problem: Problem[Any],
+        problem: Any,
         current: FitResult,
         effects: Sequence[Effect],
         listed: Callable[[Effect], bool],
@@ -94,16 +93,14 @@ class Ranking:
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, bases, grids, far=far)
 
-    def log_evidence(
-        self, problem: Problem[Any], current: FitResult, effects: Sequence[Effect]
-    ) -> Floats | None:
+    def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> Floats | None:
         """Return ln of likelihood ratios over a fit, averaged over sizes and places, (n_effects,).
 
         None where those that were not fitted are weighed otherwise.
         """
         return Forecast.at(problem, current, effects, n_places=MOST_PLACES).log_evidence
 
-    def blocks(self, problem: Problem[Any], current: FitResult, *, far: bool) -> RankedBlocks:
+    def blocks(self, problem: Any, current: FitResult, *, far: bool) -> RankedBlocks:
         """Return what puts groups of effects with starts in order, the most promising first.
 
         By their slopes; of a fit that is ``far`` from the data at nominal parameters, too.
@@ -112,15 +109,13 @@ class Ranking:
         return sorted_blocks([Blocks(problem, look_at(problem, base)) for base in bases])
 
     def rivals(
-        self, problem: Problem[Any], last: FitResult, effects: Sequence[Effect], n_best: int
+        self, problem: Any, last: FitResult, effects: Sequence[Effect], n_best: int
     ) -> tuple[Screened, ...]:
         """Return the candidates that come nearest to what the last effect of a fit does."""
         grids = [g for e in effects if (g := Grid.of(problem, e)).points]
         return rivals(problem, last, grids, n_best, self.n_listed)
 
-    def scatter(
-        self, problem: Problem[Any], result: FitResult, size: float | None = None
-    ) -> FormScatter | None:
+    def scatter(self, problem: Any, result: FitResult, size: float | None = None) -> FormScatter | None:
         """Return small deviations that the form has besides its parameters.
 
         ``size`` is that of the shifts of eigenvalues; the middle of what it may be unless given.
@@ -129,7 +124,7 @@ class Ranking:
 
 
 def screened_near(
-    problem: Problem[Any], current: FitResult, forecasts: Sequence[Forecast], against: Floats, n_looked: int
+    problem: Any, current: FitResult, forecasts: Sequence[Forecast], against: Floats, n_looked: int
 ) -> tuple[Screened, ...]:
     """Return all candidates: those that may win as their grids have them, the others by the forecast.
 

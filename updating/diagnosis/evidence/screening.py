@@ -102,7 +102,9 @@ def screen(
     return tuple(out)
 
 
-def screen_near(looks: Sequence[Look], grids: Sequence[Grid], linear: Floats) -> tuple[Screened, ...]:
+def screen_near(
+    looks: Sequence[Look[Any, Any]], grids: Sequence[Grid], linear: Floats
+) -> tuple[Screened, ...]:
     """Return the candidates that can be the best addition to a fit near the data, by their gains.
 
     They are looked at in the order of what they gain if all is ``linear``; infinite are the gains of those
@@ -133,7 +135,7 @@ def screen_near(looks: Sequence[Look], grids: Sequence[Grid], linear: Floats) ->
     return tuple(sorted(out, key=lambda each: -each.gain))
 
 
-def best_starts(look: Look, grid: Grid) -> list[tuple[float, Start]]:
+def best_starts(look: Look[Any, Any], grid: Grid) -> list[tuple[float, Start]]:
     """Return the best start of a candidate by each of three measures, and how good it is."""
     levels = look.levels(grid)
     best = [(float(row.min()), grid.points[int(np.argmin(row))]) for row in levels]
@@ -141,18 +143,18 @@ def best_starts(look: Look, grid: Grid) -> list[tuple[float, Start]]:
     return [(cost, Start((point,), look.base)) for cost, point in best]
 
 
-def look_at(problem: Problem[Any], base: FitResult, *, far: bool = False) -> Look:
+def look_at(problem: Problem[Any], base: FitResult, *, far: bool = False) -> Look[Any, Any]:
     """Look at candidates from where a fit is; if that is far from the data, in the low band, too."""
     return looks_at(problem, base, far=far)[0]
 
 
-def looks_at(problem: Problem[Any], base: FitResult, *, far: bool) -> tuple[Look, ...]:
+def looks_at(problem: Problem[Any], base: FitResult, *, far: bool) -> tuple[Look[Any, Any], ...]:
     """Return the same with the look that takes no reading for a bad one; see :meth:`Look.several`."""
     if problem.has_broad_resonances:  # few lines, and the full band is as good as a low one
         return Look.several(problem, base, N_DAMPED, 0, MOST_VALUES)
     return Look.several(problem, base, N_FULL_BAND, N_LOW if far else 0, MOST_VALUES)
 
 
-def looks_near(problem: Problem[Any], base: FitResult) -> tuple[Look, ...]:
+def looks_near(problem: Problem[Any], base: FitResult) -> tuple[Look[Any, Any], ...]:
     """Return looks at candidates from a fit that is near the data."""
     return Look.several(problem, base, N_FULL_BAND, 0, MOST_VALUES)

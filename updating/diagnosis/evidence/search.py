@@ -223,6 +223,8 @@ class Search(Generic[P]):
     promised: dict[frozenset[str], Promised] = field(default_factory=dict, init=False)
     _extended: set[frozenset[str]] = field(default_factory=set, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
+    # Of the problem beside them: they are asked for with every probability.
+    _allowed: tuple[P, NDArray[np.float64]] | None = field(default=None, init=False)
 
     def __post_init__(
         self, problem: P, form: tuple[Nuisance, ...], ranking: Ranking, beforehand: float
@@ -824,4 +826,7 @@ class Search(Generic[P]):
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
-        return best.score + best.fitted.gain_to(self.fits.problem.allowed_squares()) - UNKNOWN_ODDS
+        problem = self.fits.problem
+        if self._allowed is None or self._allowed[0] is not problem:
+            self._allowed = problem, problem.allowed_squares()
+        return best.score + best.fitted.gain_to(self._allowed[1]) - UNKNOWN_ODDS
