@@ -25,7 +25,7 @@ ifeq ($(shell uname -s)$(DISPLAY),Linux)
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 endif
 
-.PHONY: help demo desk test coverage slow long docs dist fuzz independent a-frames solids foreign foreign-modes extras peers bench bench-peers check lint types contracts format lock clean
+.PHONY: help demo desk test coverage slow long docs dist fuzz independent a-frames base-motion solids foreign foreign-modes extras peers bench bench-peers check lint types contracts format lock clean
 help:
 	@echo 'make demo        run the example study, report in out/demo'
 	@echo 'make desk        open the example study in a browser: add effects by hand and watch the error fall'
@@ -93,6 +93,11 @@ independent: $(DEV)
 a-frames: $(DEV) $(PEERS_READY)
 	$(PEERS)/bin/python -m benchmarks.independent.a_frames out/a-frames $(NAMES)
 	$(IN) python -m benchmarks.independent.table --cases out/a-frames --out out/a-frames-results
+
+# frames on a shaker table, and responses over that of a sensor; NAMES="table-bay-nothing" for some of them
+base-motion: $(DEV) $(PEERS_READY)
+	$(PEERS)/bin/python -m benchmarks.independent.base_motion out/base-motion $(NAMES)
+	$(IN) python -m benchmarks.independent.table --cases out/base-motion --out out/base-motion-results
 
 solids: $(DEV) $(PEERS_READY)
 	$(PEERS)/bin/python -m benchmarks.independent.solids out/solids $(NAMES)

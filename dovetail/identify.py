@@ -124,7 +124,14 @@ def _measurement(study: StudyContents, name: str | None) -> Measurement:
     if name is not None and name not in by_name:
         msg = f"{study.path}: there is no measurement '{name}'; {suggest(name, by_name)}"
         raise StudyError(msg)
-    return by_name[name] if name is not None else study.measurements[0]
+    found = by_name[name] if name is not None else study.measurements[0]
+    if not found.has_structure_poles:
+        msg = (
+            f"{study.path}: the FRFs of {found.name} refer to a sensor; a joint is identified from FRFs per "
+            "force"
+        )
+        raise StudyError(msg)
+    return found
 
 
 def proposed(found: Estimate) -> tuple[Effect, ...]:

@@ -49,10 +49,13 @@ def write_nominal(target, nominal):
 
 
 def write_files(target, nominal, frequency, H, file="frf.uff"):
-    """Write nominal.json and a file of FRFs, H of its sensors and excitations (n_freq, n_out, n_in)."""
+    """Write nominal.json and a file of FRFs, H of its sensors and excitations (n_freq, n_out, n_in).
+
+    FRFs to a ``base`` or to a ``reference`` are transmissibilities: accelerations over an acceleration, which
+    pyuff writes as FRFs.
+    """
     import pyuff
 
-    excitations = [e["sensor"] for e in nominal["excitations"]]
     write_nominal(target, nominal)
     (target / file).unlink(missing_ok=True)
     by_name = {s["name"]: s for s in nominal["sensors"]}
@@ -63,8 +66,10 @@ def write_files(target, nominal, frequency, H, file="frf.uff"):
         empty |= {f"{axis}_{unit}_unit_exp": 0 for unit in ("len", "force", "temp")}
         empty |= {f"{axis}_axis_lab": "NONE", f"{axis}_axis_units_lab": "NONE"}
     for i, sensor in enumerate(nominal["sensors"]):
-        for j, excitation in enumerate(excitations):
-            at = by_name[excitation]
+        for j, excitation in enumerate(nominal["excitations"]):
+            name = excitation.get("reference", excitation.get("sensor"))
+            at = by_name[name] if name else {"node": excitation["node"], "direction": excitation["base"]}
+            is_force = not excitation.keys() & {"base", "reference"}
             given = {
                 "func_type": 4,
                 "rsp_node": sensor["node"],
@@ -78,7 +83,7 @@ def write_files(target, nominal, frequency, H, file="frf.uff"):
                 "abscissa_inc": frequency[1] - frequency[0],
                 "abscissa_spec_data_type": 18,
                 "ordinate_spec_data_type": 12,
-                "orddenom_spec_data_type": 13,
+                "orddenom_spec_data_type": 13 if is_force else 12,
                 "x": frequency,
                 "data": H[:, i, j],
             }

@@ -300,16 +300,21 @@ def check_place(s, points, members):
 
 
 def excitation_block(e, nominal):
-    only(e, {"sensor", "level_N"}, "excitations")
-    if e["sensor"] not in [s["name"] for s in nominal["sensors"]]:
-        refuse(f"excitations: there is no sensor {e['sensor']}")
-    return block("[[excitations]]", sensor=e["sensor"])
+    """Write a force at a sensor, one whose responses refer to a sensor, or a motion of the base."""
+    if "base" in e:
+        return block("[[excitations]]", **only(e, {"base", "node"}, "excitations"))
+    only(e, {"sensor", "level_N", "reference"}, "excitations")
+    for name in (e[key] for key in ("sensor", "reference") if key in e):
+        if name not in [s["name"] for s in nominal["sensors"]]:
+            refuse(f"excitations: there is no sensor {name}")
+    return block("[[excitations]]", sensor=e["sensor"], reference=e.get("reference"))
 
 
 def measurement_blocks(nominal, folder, target):
     response = nominal.get("response", "")  # a test that gave modes has none
     kind = response.split(",")[0]
-    if response not in ("accelerance, (m/s^2)/N", "mobility, (m/s)/N", "receptance, m/N", ""):
+    known = "accelerance, (m/s^2)/N", "mobility, (m/s)/N", "receptance, m/N", "transmissibility, -", ""
+    if response not in known:
         refuse(f"response '{response}' is not understood")
     levels = nominal.get("levels_N", {})
     out = []

@@ -98,8 +98,8 @@ def read_files(
     for t in top.tables("measurements"):
         files = _files(t, folder)
         name = t.text("name", Path(files[0]).name)
-        kind = t.text("kind", None, [*map(str, FRFKind), TRANSMISSIBILITY])
-        kind = str(FRFKind.ACCELERANCE) if kind == TRANSMISSIBILITY else kind
+        stated = t.text("kind", None, [*map(str, FRFKind), TRANSMISSIBILITY])
+        kind = str(FRFKind.ACCELERANCE) if stated == TRANSMISSIBILITY else stated
         level = t.number("force_level", None, above=0, unit="N")
         check, check_phase = t.flag("check_units", True), t.flag("check_phase", True)
         convention = read_convention(t)
@@ -110,7 +110,12 @@ def read_files(
             t.refuse("scale", "0 is not allowed; the factor from the file's unit to SI is needed")
         with t.at("file"):
             read = _read(t, folder, files, kind, (notes, file_notes))
-            frfs = list(read.frfs)
+            # a stated kind also says what the reference is
+            to_motion = [frf.inputs if stated == TRANSMISSIBILITY else () for frf in read.frfs]
+            frfs = [
+                frf if stated is None else replace(frf, base=base)
+                for frf, base in zip(read.frfs, to_motion, strict=True)
+            ]
             if read.points is not None:
                 points = zip(read.points.labels, read.points.coordinates, strict=True)
                 nodes.update({int(k): xyz for k, xyz in points})
@@ -390,8 +395,6 @@ def _read(
             f"{Path(files[0]).name} calls its FRFs {frfs[0].kind}; the study's kind, {kind}, takes precedence"
         )
         frfs = [replace(frf, kind=FRFKind(kind)) for frf in frfs]
-    if kind is not None:  # it also says what the reference is
-        frfs = [replace(frf, base=()) for frf in frfs]
     return replace(reading, frfs=tuple(frfs), axes=reading.axes or ((),) * len(frfs))
 
 

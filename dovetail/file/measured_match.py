@@ -171,6 +171,8 @@ def _without_references(
     kept = [row for row in rows if row[0].sensor.name not in names]
     if left_out := [c.sensor.name for c, _, _ in rows if c.sensor.name in names]:
         notes.append(f"{r.name}: the responses refer to {', '.join(left_out)}, which is not compared itself")
+    if names and r.force_level is not None:
+        r.table.refuse("force_level", f"the responses refer to {', '.join(names)}: the force is unknown")
     if not kept:
         r.table.refuse("file", f"its only response, {', '.join(names)}, is the one that responses refer to")
     mixed = [c.sensor.name for c, _, _ in columns if c.sensor.reference_sensor() is None]

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail import load_study
+from dovetail import StudyError, load_study, main
+from dovetail.desk import Desk
 from fem import FRF, PointMass
 from fem.io import write_npz
 from tests.frames import MAST
@@ -104,3 +105,60 @@ def test_a_hidden_mass_is_found_without_the_force(tmp_path):
 
 def test_nothing_is_found_where_nothing_is_hidden(tmp_path):
     assert load_study(mast(tmp_path, mass=0.0)).diagnose().verdict == "nothing missing"
+
+
+def test_amplitudes_of_ratios_fit_an_added_mass(tmp_path):
+    fitted = load_study(mast(tmp_path, phase=False)).add("point_mass:mast", mass=0.12, position=0.75).fit()
+    values = {p.name: p.value for p in fitted.added[0].parameters()}
+    assert values["mass"] == pytest.approx(0.15, rel=0.05)
+    assert values["position"] == pytest.approx(0.8, abs=0.01)
+
+
+def test_the_desk_ranks_fits_and_maps_ratios(tmp_path):
+    desk = Desk.open(mast(tmp_path))
+    assert desk.nominal.frf.quantity == "transmissibility"
+    ranked = desk.rank()
+    assert ranked.wait(60)
+    assert {p.effect.name for p in ranked.result[:3]} & {"point_mass:mast"}
+    desk.add("point_mass:mast", mass=0.12, position=0.75)
+    fit = desk.fit_all()
+    assert fit.wait(60)
+    desk.take_fit(fit)
+    assert desk.now.hypothesis.effects[0].mass == pytest.approx(0.15, rel=0.02)
+    saved = load_study(desk.save(tmp_path / "saved.toml"))
+    assert saved.error().all_db < 0.2
+
+
+def test_a_test_without_a_force_is_planned(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(MAST + SENSORS)
+    plan = load_study(path).plan(noise=0.01)
+    assert 0.5 < plan.coverage() <= plan.coverage("seen")
+
+
+def test_modes_are_not_identified_in_ratios(tmp_path, capsys):
+    path = mast(tmp_path)
+    assert main(["identify-modes", str(path)]) == 2
+    assert "refer to low: their peaks are where that does not move" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('reference = "low"', 'reference = "los"', "there is no sensor 'los'"),
+        ('reference = "low"', 'reference = "low"\ngain = 2.0', "its gain cancels; that of 'low' counts"),
+        ('reference = "low"', 'reference = "low"\nsign = -1', "its sign cancels; that of 'low' counts"),
+        ('name = "hammer"', 'name = "hammer"\nbase = "x"', "leave reference or base out"),
+        ('name = "low"', 'name = "low"\nmass = 0.01\nroving = true', "stays where it is"),
+        ('name = "low"', 'name = "low"\nkind = "mobility"', "refer to an acceleration"),
+        ('reference = "low"', 'label = "low"', "are to an acceleration, and excitation 'hammer' is a force"),
+        ('kind = "transmissibility"', 'kind = "transmissibility"\nforce_level = 3', "the force is unknown"),
+    ],
+)
+def test_a_reference_that_cannot_be_is_refused(tmp_path, old, new, words):
+    path = mast(tmp_path)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(StudyError, match=words):
+        load_study(path)
