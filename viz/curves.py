@@ -263,7 +263,7 @@ def plot_frf(
         Further arguments of :func:`frf`.
     """
     pictures = []
-    for o, i in _pairs(measured, pairs, 4):
+    for o, i in frf_pairs(measured, pairs, 4):
         index = measured.outputs.index(o), measured.inputs.index(i)
         some = compared is not None and not np.asarray(compared)[:, *index].all()
         pictures.append(frf(measured, models, (o, i), compared=compared if some else None, **more))
@@ -357,7 +357,7 @@ def frf_errors(
     ValueError
         If a model is not on the measured lines.
     """
-    pairs = _pairs(measured, pairs, None)
+    pairs = frf_pairs(measured, pairs, None)
     index = [(measured.outputs.index(o), measured.inputs.index(i)) for o, i in pairs]
     rows, cols = (np.array(k) for k in zip(*index, strict=True))
     H, size = measured.H[:, rows, cols], np.ones(rows.size)
@@ -384,7 +384,9 @@ def frf_errors(
     return out, noise
 
 
-def _pairs(frf: FRF, pairs: Sequence[tuple[str, str]] | None, at_most: int | None) -> list[tuple[str, str]]:
+def frf_pairs(
+    frf: FRF, pairs: Sequence[tuple[str, str]] | None, at_most: int | None
+) -> list[tuple[str, str]]:
     """Return the pairs of output and input to plot, after a check."""
     if pairs is None:
         return [(o, i) for i in frf.inputs for o in frf.outputs][:at_most]

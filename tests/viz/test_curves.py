@@ -89,7 +89,7 @@ def test_values_that_no_error_is_of_are_pale(measured):
     pale, dark = parted  # the dark one covers it
     np.testing.assert_array_equal(np.isfinite(dark.get_ydata()), compared[:, 1, 0])
     np.testing.assert_allclose(pale.get_ydata(), np.abs(measured.H[:, 1, 0]))
-    assert legend_texts(figure) == ["measured, not compared", "measured"]
+    assert legend_texts(figure) == ["measured", "measured, not compared"]
 
 
 def test_the_phase_is_broken_where_it_wraps():
