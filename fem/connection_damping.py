@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.declarations import Role
+from fem.declarations import Role, Site
 from fem.model import Array, Contribution, Damping, Effect, Model, Parameter, ParameterRef, power_between
 
 
@@ -59,9 +59,9 @@ class ConnectionDamping(Effect):
     but: Collection[str] = ()
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The connections."""
-        return "connections"
+        return Site("connections")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return none: a fit has a separate curve for it."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Flag, StrEnum, auto
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,37 @@ class ArmForce(NamedTuple):
 
 _STILL = np.zeros((0, 3))
 _STILL.flags.writeable = False
+
+
+class Site(str):
+    """Where an effect is, in words that know their parts, such as ``member U at 0.600 m, rz``.
+
+    Parameters
+    ----------
+    thing : str
+        What it acts on, such as ``"joint J"`` or ``"member U"``.
+    position : float, optional
+        Along a member [m].
+    detail : str
+        A direction, or which member of a joint.
+    """
+
+    __slots__ = ("at", "detail", "thing")
+    thing: str
+    at: str
+    detail: str
+
+    def __new__(cls, thing: str, position: Any = None, detail: str = "") -> Self:
+        """Return the words; a position may be in words already."""
+        at = position if isinstance(position, str) else ""
+        at = at if position is None or at else f"{np.real(position):.3f} m"
+        self = super().__new__(cls, f"{thing}{' at ' * bool(at)}{at}{', ' * bool(detail)}{detail}")
+        self.thing, self.at, self.detail = thing, at, detail
+        return self
+
+    def __getnewargs__(self) -> Any:
+        """Return what a copy in another process is made of."""
+        return self.thing, self.at or None, self.detail
 
 
 class Internal(NamedTuple):

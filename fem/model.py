@@ -21,6 +21,7 @@ from fem.declarations import (
     Marker,
     Relevant,
     Role,
+    Site,
     Yardstick,
 )
 from fem.ground import MovingGround
@@ -268,8 +269,8 @@ class Effect(ABC):
 
     @property
     @abstractmethod
-    def where(self) -> str:
-        """Where on the structure it is, in words."""
+    def where(self) -> Site:
+        """Where on the structure it is, in words that know their parts."""
 
     @property
     def internal(self) -> Internal:

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from viz.animation import animate_mode
     from viz.bands import plot_bands
     from viz.correlation import (
+        band_error_map,
         plot_agreement,
-        plot_band_error,
         plot_coordinates,
         plot_fdac,
         plot_geometry_match,
@@ -20,16 +20,19 @@ if TYPE_CHECKING:
         plot_signature,
         render_pretest,
     )
-    from viz.curves import frf_errors, plot_frf, plot_frf_error
-    from viz.frequencies import plot_deviations
-    from viz.heat_maps import plot_mac, plot_misfit_matrix
+    from viz.curves import error_curves, frf, frf_errors, plot_frf
+    from viz.frequencies import deviations, mac_map
+    from viz.heat_maps import error_map
     from viz.history import plot_history
+    from viz.indicators import cmif, frac, nyquist, sensitivity
     from viz.joints import plot_joint_stiffness, plot_stiffness_entries, plot_stiffness_laws
     from viz.modal import plot_stabilisation, plot_synthesis
     from viz.models import displacement_at, member_families, model_surface
+    from viz.picture import Picture
     from viz.plan import render_plan
     from viz.render import render_faults, render_misfit, render_mode, render_model
-    from viz.search import plot_position, plot_ranking, plot_staircase
+    from viz.search import error_bars, position, probability, ranking, staircase
+    from viz.still import draw
     from viz.style import BLUE, GREEN, GREY, PURPLE, VERMILION, figure_png, look, new_figure, save
     from viz.updating import plot_bootstrap, plot_convergence, plot_correlation, plot_parameters
 else:
@@ -41,43 +44,50 @@ __all__ = [
     "GREY",
     "PURPLE",
     "VERMILION",
+    "Picture",
     "animate_mode",
+    "band_error_map",
+    "cmif",
+    "deviations",
     "displacement_at",
+    "draw",
+    "error_bars",
+    "error_curves",
+    "error_map",
     "figure_png",
+    "frac",
+    "frf",
     "frf_errors",
     "look",
+    "mac_map",
     "member_families",
     "model_surface",
     "new_figure",
+    "nyquist",
     "plot_agreement",
     "plot_ambient",
-    "plot_band_error",
     "plot_bands",
     "plot_bootstrap",
     "plot_convergence",
     "plot_coordinates",
     "plot_correlation",
-    "plot_deviations",
     "plot_fdac",
     "plot_frf",
-    "plot_frf_error",
     "plot_geometry_match",
     "plot_history",
     "plot_joint_stiffness",
-    "plot_mac",
-    "plot_misfit_matrix",
     "plot_mode_pairs",
     "plot_orthogonality",
     "plot_parameters",
-    "plot_position",
     "plot_pretest",
-    "plot_ranking",
     "plot_signature",
     "plot_stabilisation",
-    "plot_staircase",
     "plot_stiffness_entries",
     "plot_stiffness_laws",
     "plot_synthesis",
+    "position",
+    "probability",
+    "ranking",
     "render_faults",
     "render_misfit",
     "render_mode",
@@ -85,4 +95,6 @@ __all__ = [
     "render_plan",
     "render_pretest",
     "save",
+    "sensitivity",
+    "staircase",
 ]

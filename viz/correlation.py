@@ -20,7 +20,8 @@ from updating.measurement.matching import GeometryMatch
 from updating.measurement.pretest import PretestPlan
 from viz import style
 from viz.axes import legend_above
-from viz.heat_maps import plot_misfit_matrix
+from viz.heat_maps import error_map
+from viz.picture import Picture
 from viz.shapes import view_axes
 
 
@@ -250,10 +251,10 @@ def plot_orthogonality(
     return figure
 
 
-def plot_band_error(
+def band_error_map(
     error: BandError, outputs: Sequence[str], what: str = "log_error", title: str = ""
-) -> Figure:
-    """Plot errors of FRFs by sensor and band as a heat map, summed over the forces.
+) -> Picture:
+    """Describe errors of FRFs by sensor and band as a heat map, summed over the forces.
 
     Parameters
     ----------
@@ -271,9 +272,9 @@ def plot_band_error(
         For another kind of error, or numbers that differ.
     """
     labels = {
-        "relative": "difference over measured [-]",
-        "level_db": "level [dB]",
-        "log_error": "logarithmic error [-]",
+        "relative": ("difference over measured", "-"),
+        "level_db": ("level", "dB"),
+        "log_error": ("logarithmic error", "-"),
     }
     if what not in labels:
         msg = f"errors '{what}' are not known; allowed are {', '.join(labels)}"
@@ -286,9 +287,8 @@ def plot_band_error(
         raise ValueError(msg)
     bands = [f"{a:.4g} to {b:.4g} Hz" for a, b in zip(error.bands[:-1], error.bands[1:], strict=True)]
     top = max(float(np.nanmax(values)), 1e-12) if what != "level_db" and np.isfinite(values).any() else None
-    return plot_misfit_matrix(
-        values, outputs, bands, labels[what], limits=None if top is None else (0.0, top), title=title
-    )
+    limits = None if top is None else (0.0, top)
+    return error_map(values, outputs, bands, *labels[what], limits=limits, title=title)
 
 
 def plot_mode_pairs(comparison: ModeComparison, title: str = "", band: float = 0.05) -> Figure:

@@ -12,7 +12,8 @@ from updating.modal.identified_modes import IdentifiedModes
 from updating.modal.peaks import mode_indicator
 from viz import style
 from viz.axes import keys_of, legend_above
-from viz.curves import plot_frf
+from viz.curves import frf, frf_pairs
+from viz.still import draw
 
 __all__ = ["plot_stabilisation", "plot_synthesis"]
 
@@ -131,10 +132,10 @@ def plot_synthesis(
     """
     fit = identified.synthesised
     data = measured.select(lines=np.isin(measured.frequency, fit.frequency))
-    figure = plot_frf(data, {"fitted modes and residuals": fit}, pairs, floor=identified.noise, title=title)
-    for ax in figure.axes[::2]:
-        output, force = ax.get_title(loc="left").split(" / ")
+    pictures = []
+    for output, force in frf_pairs(data, pairs, 4):
         error = identified.error[fit.outputs.index(output), fit.inputs.index(force)]
-        title = f"{output} / {force}: error {100 * error:.2g} %"
-        ax.set_title(title, loc="left", fontsize=9.5, fontweight="bold")
-    return figure
+        words = f"{output} / {force}: error {100 * error:.2g} %"
+        models = {"fitted modes and residuals": fit}
+        pictures.append(frf(data, models, (output, force), floor=identified.noise, title=words))
+    return draw(pictures, title)

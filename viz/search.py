@@ -1,146 +1,160 @@
-"""Results of a search for the missing effect: ranking, steps, and place along a member."""
+"""Results of a search for the missing effect: ranking, steps, hypotheses, and place along a member."""
 
-import textwrap
-from collections.abc import Collection, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
+from fem.summary import percent
 from viz import style
-from viz.axes import curve_keys, digits_for, legend_above, number
+from viz.axes import number
 from viz.layout import shorten
+from viz.picture import Axis, Bars, Curve, Mark, Picture, Rule, Span, broken, columns, rows
+
+TWIN, OTHER = "#f2bf9b", "#b9c3cd"
+"""Colours of the bars of candidates."""
 
 
-def plot_ranking(
+def ranking(
     labels: Sequence[str],
-    error_db: ArrayLike,
-    baseline: float,
-    floor: float | None = None,
-    twins: Collection[str] = (),
-    accepted: str | None = None,
+    levels_db: ArrayLike,
+    baseline_db: float,
+    *,
+    names: Sequence[str] | None = None,
+    twins: Collection[int] = (),
+    accepted: int | None = None,
+    floor_db: float | None = None,
     title: str = "",
-    xlabel: str = "error after fitting the effect [dB]",
+    xlabel: str = "residual level with the candidate [dB]",
     at_most: int = 20,
-) -> Figure:
-    """Plot the error that each candidate effect leaves, the best on top; a bar's length is its gain.
+) -> Picture:
+    """Describe the error that each candidate leaves as bars, the best on top; a bar's length is its gain.
+
+    The axis begins at 0, so that a small gain looks small.
 
     Parameters
     ----------
     labels : sequence of str
-        Names of the candidates; they must differ.
-    error_db : array_like (n,)
+    levels_db : array_like (n,)
         Error with each of them [dB].
-    baseline : float
+    baseline_db : float
         Error without any of them [dB].
-    floor : float, optional
+    names : sequence of str, optional
+        The bars' ``data``, for clicks; the labels unless given.
+    twins : collection of int
+        Rows that these measurements cannot tell from the accepted one.
+    accepted : int, optional
+        Row of the candidate that was accepted.
+    floor_db : float, optional
         Error that measurement noise alone would leave [dB].
-    twins : collection of str
-        Candidates that these measurements cannot tell from the accepted one.
-    accepted : str, optional
-        The candidate that was accepted.
     title, xlabel : str
-        Heading and axis label.
     at_most : int
         Number of candidates shown.
+
+    Raises
+    ------
+    ValueError
+        If there is not one label for each error.
     """
-    error = np.asarray(error_db, dtype=float)
-    if len(labels) != error.size:
-        msg = f"{len(labels)} labels are given for {error.size} errors"
+    levels = np.asarray(levels_db, dtype=float)
+    names = labels if names is None else names
+    if not len(labels) == len(names) == levels.size:
+        msg = f"{len(labels)} labels and {len(names)} names are given for {levels.size} errors"
         raise ValueError(msg)
-    order = np.argsort(error, kind="stable")
-    left_out = max(order.size - at_most, 0)
-    order = order[:at_most]
-    n = order.size
-    with style.look():
-        figure = style.new_figure(height=1.25 + 0.25 * n + (0.2 if title else 0))
-        ax = figure.add_subplot()
-        ends = [*error[order], baseline] + ([floor] if floor is not None else [])
-        low, high = float(min(*ends, 0.0)), float(max(*ends, 0.0))  # from 0: a small gain looks small
-        pad = 0.08 * max(high - low, 1e-3)
-        if floor is not None:
-            ax.axvspan(low - pad, floor, color=style.NOISE, linewidth=0, zorder=0)
-            ax.axvline(floor, color=style.MUTED, linewidth=0.9, linestyle=":", zorder=1)
-        digits = digits_for(high - low)
-        for y, k in enumerate(order):
-            name = labels[k]
-            colour = style.EFFECT if name == accepted else "#f2bf9b" if name in twins else "#b9c3cd"
-            hatch = "////" if name in twins and name != accepted else None
-            ax.barh(
-                y,
-                error[k] - baseline,
-                left=baseline,
-                height=0.66,
-                color=colour,
-                hatch=hatch,
-                edgecolor="white" if hatch else colour,
-                linewidth=0,
-            )
-            gains = error[k] <= baseline
-            ax.annotate(
-                number(float(error[k]), digits),
-                (error[k], y),
-                xytext=(-4 if gains else 4, 0),
-                textcoords="offset points",
-                ha="right" if gains else "left",
-                va="center",
-                fontsize=7.5,
-                weight="bold" if name == accepted else "normal",
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.75},
-            )
-        ax.axvline(baseline, color=style.INK, linewidth=1)
-        ax.set_xlim(low - pad, high + pad)
-        ax.set_ylim(n - 0.4, -0.6)
-        ax.set_yticks(range(n), [shorten(str(labels[k]), 52) for k in order])
-        for tick, k in zip(ax.get_yticklabels(), order, strict=True):
-            tick.set_fontweight("bold" if labels[k] == accepted else "normal")
-        ax.grid(visible=False, axis="y")
-        ax.tick_params(axis="y", length=0)
-        ax.spines["left"].set_visible(False)
-        ax.set_xlabel(xlabel + (f"; {left_out} worse candidates not shown" if left_out else ""))
-        keys: list[Any] = []
-        if accepted in labels:
-            keys.append(Patch(color=style.EFFECT, label="accepted"))
-        if twins:
-            keys.append(
-                Patch(
-                    facecolor="#f2bf9b",
-                    hatch="////",
-                    edgecolor="white",
-                    linewidth=0,
-                    label="indistinguishable from it",
-                )
-            )
-        keys.append(Patch(color="#b9c3cd", label="other candidates"))
-        keys.append(
-            ax.plot([], [], color=style.INK, linewidth=1, label=f"without: {number(baseline, digits)} dB")[0]
+    order = np.argsort(levels, kind="stable").tolist()
+    hidden, order = max(len(order) - at_most, 0), order[:at_most]
+    ends = [*levels[order].tolist(), baseline_db, 0.0, *([] if floor_db is None else [floor_db])]
+    pad = 0.08 * max(max(ends) - min(ends), 1e-3)
+    low, high = min(ends) - pad, max(ends) + pad
+    groups = {
+        "accepted": (style.VERMILION, [k for k in order if k == accepted]),
+        "indistinguishable from it": (TWIN, [k for k in order if k in twins and k != accepted]),
+        "other": (OTHER, [k for k in order if k not in twins and k != accepted]),
+    }
+    marks: list[Mark] = [] if floor_db is None else _floor(floor_db, low, "x", "dB", 2)
+    marks += [
+        Bars(
+            y=[order.index(k) for k in some],
+            x=levels[some],
+            base=baseline_db,
+            name=word,
+            colour=colour,
+            hatch="/" if colour == TWIN else "",
+            text=[number(float(levels[k]), 2) for k in some],
+            hover=[f"{labels[k]}\n{levels[k]:.3f} dB, {word}" for k in some],
+            data=[names[k] for k in some],
         )
-        if floor is not None:
-            keys.append(
-                Patch(
-                    facecolor=style.NOISE,
-                    edgecolor=style.MUTED,
-                    linestyle=":",
-                    label=f"noise floor: {number(floor, digits)} dB",
-                )
-            )
-        legend_above(figure, title, keys)
-    return figure
+        for word, (colour, some) in groups.items()
+        if some
+    ]
+    marks.append(Rule(value=baseline_db, text=f"without: {number(baseline_db, 2)} dB"))
+    more = f"; {hidden} worse ones are not shown" if hidden else ""
+    named = rows([broken(shorten(str(labels[k]), 96), 50) for k in order])
+    size = style.WIDTH, 1.25 + 0.3 * len(order)
+    return Picture(marks, Axis(xlabel + more, (low, high)), named, title, 110 + 30 * len(order), size)
 
 
-def plot_staircase(
+def _floor(level: float, low: float, along: str, unit: str, digits: int) -> list[Mark]:
+    """Return the noise floor, shaded from the beginning of the axis."""
+    line = Rule(
+        value=level,
+        along=along,
+        dash=":",
+        colour=style.MUTED,
+        text=f"noise floor {number(level, digits)} {unit}",
+    )
+    return [Span(low=low, high=level, along=along, colour=style.NOISE), line]
+
+
+def probability(
+    hypotheses: Sequence[tuple[str, float]], *, title: str = "", at_most: int = 12, accepted: int = 0
+) -> Picture:
+    """Describe the probabilities of hypotheses as bars, in the order in which they are given.
+
+    Parameters
+    ----------
+    hypotheses : sequence of (label, probability)
+        The label is the bar's ``data``, for clicks.
+    title : str
+    at_most : int
+        Number of hypotheses shown.
+    accepted : int
+        The one that is reported, in another colour.
+    """
+    shown = list(enumerate(hypotheses))[:at_most]
+    groups = [[one for one in shown if one[0] == accepted], [one for one in shown if one[0] != accepted]]
+    bars = [
+        Bars(
+            y=[k for k, _ in some],
+            x=[float(p) for _, (_, p) in some],
+            colour=colour,
+            text=[percent(p) for _, (_, p) in some],
+            hover=[f"{s}: {percent(p)}" for _, (s, p) in some],
+            data=[s for _, (s, _) in some],
+        )
+        for some, colour in zip(groups, (style.VERMILION, OTHER), strict=True)
+        if some
+    ]
+    hidden = len(hypotheses) - len(shown)
+    more = f"; {hidden} less probable ones are not shown" if hidden else ""
+    ticks = np.linspace(0, 1, 6).tolist()
+    scale = Axis(f"probability{more}", (0, 1.25), (ticks, [f"{100 * t:.0f} %" for t in ticks]))
+    named = rows([broken(shorten(s, 96), 50) for _, (s, _) in shown])
+    return Picture(bars, scale, named, title, 80 + 30 * len(shown), (style.WIDTH, 0.9 + 0.3 * len(shown)))
+
+
+def staircase(
     steps: Sequence[tuple[str, float, float | None]],
     floor_db: float | None = None,
-    title: str = "",
-    ylabel: str = "relative error [dB]",
     *,
+    title: str = "",
+    height: float = 340,
+    ylabel: str = "error of the amplitude [dB]",
     unit: str = "dB",
-    digits: int = 1,
+    digits: int = 2,
     names: tuple[str, str] = ("on the lines of the fit", "on held-out lines"),
-) -> Figure:
-    """Plot the error of the nominal model, of the fitted one, and after each added effect.
+) -> Picture:
+    """Describe the error of the nominal model, of the fitted one, and after each added effect.
 
     Parameters
     ----------
@@ -148,96 +162,95 @@ def plot_staircase(
         Error on the lines of the fit and on held-out ones after each step [dB, or ``unit``].
     floor_db : float, optional
         Error that measurement noise alone would leave [dB, or ``unit``].
-    title, ylabel : str
-        Heading and axis label.
-    unit : str
+    title : str
+    height : float
+        Of an interactive figure [pixel].
+    ylabel, unit : str
         Of other errors.
     digits : int
         After the point.
     names : (str, str)
         Of what was fitted and what was held out.
     """
+    n = len(steps)
     fit = np.array([step[1] for step in steps], dtype=float)
     held_out = np.array([np.nan if step[2] is None else step[2] for step in steps], dtype=float)
-    n = len(steps)
-    values = np.concatenate([fit, held_out[np.isfinite(held_out)], [] if floor_db is None else [floor_db]])
-    low, high = float(values.min()), float(values.max())
-    pad = 0.16 * max(high - low, 10.0 ** (1 - digits))
-    with style.look():
-        figure = style.new_figure(min(style.WIDTH, 2.6 + 1.15 * n), 3.4)
-        ax = figure.add_subplot()
-        if floor_db is not None:
-            ax.axhspan(low - 10 * pad, floor_db, color=style.NOISE, linewidth=0, zorder=0)
-            ax.axhline(floor_db, color=style.MUTED, linewidth=0.9, linestyle=":", zorder=1)
-            ax.annotate(
-                f"noise floor {number(floor_db, digits)} {unit}",
-                (-0.5, floor_db),
-                xytext=(3, -3),
-                textcoords="offset points",
-                ha="left",
-                va="top",
-                fontsize=7.5,
-                color=style.MUTED,
+    higher = fit >= np.where(np.isfinite(held_out), held_out, -np.inf)
+    series = [(fit, higher, style.FITTED, "-", "o"), (held_out, ~higher, style.VERMILION, "--", "D")]
+    known = np.concatenate([fit, held_out, [0.0]])
+    known = known[np.isfinite(known)]
+    low, high = (known.min(), known.max()) if known.any() else (0.0, 1.0)
+    room = 0.18 * (high - low)
+    low = float(low - room) if low < 0 else 0.0
+    marks = [] if floor_db is None or not np.isfinite(floor_db) else _floor(floor_db, low, "y", unit, digits)
+    marks += [
+        Curve(
+            x=np.arange(n),
+            y=values,
+            name=name,
+            colour=colour,
+            dash=dash,
+            width=2.4,
+            symbol=symbol,
+            treads=True,
+            text=[number(v, digits) if np.isfinite(v) else "" for v in values],
+            above=above.tolist(),
+            hover=[
+                f"{label}\n{number(v, digits)} {unit} {name}"
+                for (label, *_), v in zip(steps, values, strict=True)
+            ],
+            data=[step[0] for step in steps],
+        )
+        for name, (values, above, colour, dash, symbol) in zip(names, series, strict=True)
+        if np.isfinite(values).any()
+    ]
+    x = columns([broken(step[0], 18 if n <= 3 else 12) for step in steps])
+    size = min(style.WIDTH, 2.6 + 1.15 * n), 3.4
+    return Picture(marks, x, Axis(ylabel, (low, float(high + room))), title, height, size)
+
+
+def error_bars(
+    names: Sequence[str],
+    errors: Mapping[str, ArrayLike],
+    *,
+    floor_db: float | None = None,
+    title: str = "",
+    label: str = "error [dB]",
+) -> Picture:
+    """Describe errors by sensor or by band as groups of bars, one colour for each model.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the sensors or bands; each bar's ``data``, for clicks.
+    errors : mapping of str to array_like (n,)
+        By the model's label, in the order nominal, fitted, with the effect [dB].
+    floor_db : float, optional
+        Error that measurement noise alone would leave [dB].
+    title, label : str
+    """
+    thickness = 0.75 / max(len(errors), 1)
+    marks: list[Mark] = [] if floor_db is None else _floor(floor_db, 0.0, "x", "dB", 2)
+    for n, (model, values) in enumerate(errors.items()):
+        known = np.asarray(values, dtype=float)
+        marks.append(
+            Bars(
+                y=np.arange(known.size) + (n - (len(errors) - 1) / 2) * thickness,
+                x=known,
+                thickness=thickness,
+                name=model,
+                colour=style.model_style(model, n)[0],
+                hatch=("", "/", "x")[n % 3],
+                hover=[f"{s}\n{v:.2f} dB, {model}" for s, v in zip(names, known, strict=True)],
+                data=names,
             )
-        series = [(fit, style.FITTED, "-", names[0], 1)]
-        if np.isfinite(held_out).any():
-            series.append((held_out, style.VERMILION, "--", names[1], -1))
-        for data, colour, line, name, _ in series:
-            for k in range(n):
-                ax.plot(
-                    [k - 0.36, k + 0.36],
-                    [data[k]] * 2,
-                    color=colour,
-                    linewidth=2.6,
-                    solid_capstyle="butt",
-                    zorder=3,
-                    label=name if k == 0 else None,
-                )
-                if k + 1 < n and np.isfinite(data[k : k + 2]).all():
-                    ax.plot(
-                        [k + 0.36, k + 0.64],
-                        data[k : k + 2],
-                        color=colour,
-                        linewidth=1,
-                        linestyle=line,
-                        zorder=2,
-                    )
-        for k in range(n):
-            both = np.isfinite(held_out[k])
-            fit_above = not both or fit[k] > held_out[k]
-            for data, colour, above in (
-                (fit, style.FITTED, fit_above),
-                (held_out, style.VERMILION, not fit_above),
-            ):
-                if np.isfinite(data[k]):
-                    ax.annotate(
-                        number(data[k], digits),
-                        (k, data[k]),
-                        xytext=(0, 4 if above else -4),
-                        textcoords="offset points",
-                        ha="center",
-                        va="bottom" if above else "top",
-                        fontsize=8,
-                        color=colour,
-                        weight="bold",
-                        zorder=4,
-                        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8},
-                    )
-        ax.set_ylim(low - pad, high + pad)
-        ax.set_xlim(-0.5, n - 0.5)
-        wide = max(9, int(70 / max(n, 1)))
-        ax.set_xticks(range(n), ["\n".join(textwrap.wrap(step[0], wide)) for step in steps])
-        ax.tick_params(axis="x", length=0)
-        ax.grid(visible=False, axis="x")
-        ax.set_ylabel(ylabel)
-        if len(series) > 1:
-            ax.legend(loc="upper right")
-        if title:
-            ax.set_title(title)
-    return figure
+        )
+    row = 24 * max(len(errors), 1)
+    named, size = rows([shorten(s, 16) for s in names]), (style.WIDTH, 1.1 + row * len(names) / 120)
+    return Picture(marks, Axis(label), named, title, 110 + row * len(names), size)
 
 
-def plot_position(
+def position(
     positions: ArrayLike,
     error_db: ArrayLike,
     best: float | None = None,
@@ -247,8 +260,8 @@ def plot_position(
     floor: float | None = None,
     member: str = "",
     title: str = "",
-) -> Figure:
-    """Plot the error over the place of an effect along a member.
+) -> Picture:
+    """Describe the error over the place of an effect along a member.
 
     Parameters
     ----------
@@ -270,44 +283,25 @@ def plot_position(
     s, error = np.asarray(positions, dtype=float), np.asarray(error_db, dtype=float)
     best = float(s[np.argmin(error)]) if best is None else best
     at_best = float(np.interp(best, s, error))
-    with style.look():
-        figure = style.new_figure(5.6, 2.9)
-        ax = figure.add_subplot()
-        levels = [value for value in (baseline, floor) if value is not None]
-        low, high = min([error.min(), at_best, *levels]), max([error.max(), *levels])
-        pad = 0.14 * max(high - low, 1e-3)
-        if floor is not None:
-            ax.axhspan(low - 10 * pad, floor, color=style.NOISE, linewidth=0, zorder=0, label="noise floor")
-        if interval is not None:
-            ax.axvspan(*interval, color=style.EFFECT, alpha=0.14, linewidth=0, label="confidence interval")
-        if baseline is not None:
-            ax.axhline(baseline, color=style.INK, linewidth=0.9, linestyle="--", label="without the effect")
-        ax.plot(s, error, color=style.FITTED, label="with the effect")
-        ax.plot(
-            best,
-            at_best,
-            "o",
-            color=style.EFFECT,
-            markersize=6,
-            markeredgecolor="white",
-            zorder=4,
-            label=f"best at {best:.4g} m",
+    levels = [value for value in (baseline, floor) if value is not None]
+    low, high = min([error.min(), at_best, *levels]), max([error.max(), *levels])
+    pad = 0.14 * max(high - low, 1e-3)
+    low, high = float(low - pad), float(high + pad)
+    marks: list[Mark] = [] if floor is None else _floor(floor, low, "y", "dB", 1)
+    if interval is not None:
+        marks.append(
+            Span(low=interval[0], high=interval[1], colour=style.HELD_OUT, name="confidence interval")
         )
-        places = np.asarray(sensors, dtype=float)
-        if places.size:
-            ax.plot(
-                places,
-                np.full(places.size, 0.025),
-                "^",
-                transform=ax.get_xaxis_transform(),
-                color=style.SENSOR,
-                markersize=4,
-                label="sensors",
-                clip_on=False,
-            )
-        ax.set_xlim(s[0], s[-1])
-        ax.set_ylim(low - pad, high + pad)
-        ax.set_xlabel(f"place along {member} [m]" if member else "place along the member [m]")
-        ax.set_ylabel("error [dB]")
-        legend_above(figure, title, curve_keys([ax]))
-    return figure
+    if baseline is not None:
+        without = f"without the effect {number(baseline, 1)} dB"
+        marks.append(Rule(value=baseline, along="y", dash="--", text=without))
+    marks += [
+        Curve(x=s, y=error, dash="-", colour=style.FITTED, name="with the effect", hover="{y:.2f} dB"),
+        Curve(x=[best], y=[at_best], symbol="o", colour=style.EFFECT, name=f"best at {best:.4g} m"),
+    ]
+    places = np.asarray(sensors, dtype=float)
+    if places.size:
+        at = np.full(places.size, low + 0.03 * (high - low))
+        marks.append(Curve(x=places, y=at, symbol="^", colour=style.SENSOR, name="sensors"))
+    x = Axis(f"place along {member or 'the member'} [m]", (float(s[0]), float(s[-1])))
+    return Picture(marks, x, Axis("error [dB]", (low, high)), title, 290, (5.6, 2.9))

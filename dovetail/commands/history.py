@@ -40,4 +40,4 @@ def run(options: Options, progress: Progress) -> Answer:
 
 def _place(effect: Effect) -> str:
     """Return what an effect is and where, without its position, which differs a little between states."""
-    return f"{effect.kind.replace('_', ' ')}, {effect.where.split(' at ')[0]}"
+    return f"{effect.kind.replace('_', ' ')}, {effect.where.thing}"

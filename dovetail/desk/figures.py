@@ -15,8 +15,10 @@ from dovetail.report.sections.mode_shapes import shape_at
 from fem.analysis.frf import FRF
 from updating.inference.fit_data import FitData
 from updating.live.engine import Evaluation
-from viz.interactive.error import error_map_figure, staircase_figure
-from viz.interactive.frf import MAGNITUDE, PHASE, frf_figure
+from viz import curves, search
+from viz.curves import MAGNITUDE, PHASE
+from viz.heat_maps import error_map as map_of_errors
+from viz.interactive import live
 from viz.interactive.model import model_figure
 from viz.interactive.modes import modes_figure
 from viz.interactive.solids import MarkedPlace
@@ -74,9 +76,8 @@ def frf(desk: Desk, pair: tuple[str, str], height: float, *, log: bool = False) 
     held = {f"sensor {pair[0]}", f"excitation {pair[1]}"} & desk.now.hypothesis.held_out
     f = desk.shown.frf.frequency
     bands = [(float(f[0]), float(f[-1]))] if held else held_out_bands(desk.live.data_of(desk.now.hypothesis))
-    figure = frf_figure(
-        desk.shown.measured, models, pair, held_out=bands, log_frequency=log, title="", height=height
-    )
+    more = {"held_out": bands, "log_frequency": log, "title": "", "height": height}
+    figure = live.draw(curves.frf(desk.shown.measured, models, pair, **more))
     for trace in figure.data:  # gaps in place of further points: a slider moves ordinates only
         if trace.meta and trace.meta["series"] == HERE and trace.meta["quantity"] == PHASE:
             phase = _cut(_decibels(desk.shown.frf, pair)[1])
@@ -91,7 +92,7 @@ def error_map(desk: Desk) -> Figure:
     limits = (0.0, float(np.nanmax(desk.nominal.by_band())))
     held = desk.now.hypothesis.held_out
     names = [f"{name} (held out)" if f"sensor {name}" in held else name for name in c.outputs]
-    figure = error_map_figure(desk.shown.by_band(), names, bands, limits=limits)
+    figure = live.draw(map_of_errors(desk.shown.by_band(), names, bands, limits=limits))
     for name, cells in zip(c.outputs, figure.data[0].customdata, strict=True):
         for cell in cells:
             cell[0] = name  # clicks name the sensor alone
@@ -104,7 +105,7 @@ def staircase(desk: Desk) -> Figure:
     r = desk.shown.result
     if abs(r.fit_db - steps[-1][1]) >= SHOWN_DB:
         steps.append(("now", r.fit_db, _known(r.held_out_db)))
-    return staircase_figure(steps, desk.shown.noise_db, height=300)
+    return live.draw(search.staircase(steps, desk.shown.noise_db, height=300))
 
 
 def held_out_bands(data: FitData) -> list[tuple[float, float]]:

@@ -11,7 +11,8 @@ from dovetail.desk.jobs import Job
 from dovetail.desk.session import Desk
 from dovetail.desk.views import frequency_bars
 from dovetail.desk.widgets import button, card, labelled, plot, show
-from viz.interactive.frequencies import mac_figure
+from viz.frequencies import mac_map
+from viz.interactive import live
 
 HIGHEST_MATRIX = 460
 """Most height of the MAC matrix [pixel]."""
@@ -89,8 +90,8 @@ class ModePanel:
         table.add_slot("body-cell-show", SHOW)
         table.on("show", lambda e: self._choose(int(e.args["mode"]) - 1, int(e.args["partner"])))
         labelled(table, "Natural frequencies, measured and computed")
-        names = [[f"{f:.4g}" for f in each] for each in found.frequencies()]
-        matrix = mac_figure(found.mac, *names)
+        measured, computed = ([f"{f:.4g}" for f in each] for each in found.frequencies())
+        matrix = live.draw(mac_map(found.mac, measured, computed))
         height = min(matrix.layout.height or HIGHEST_MATRIX, HIGHEST_MATRIX)
         matrix.update_layout(height=height)
         made = plot(matrix, "MAC of measured with computed modes; click a cell")

@@ -17,16 +17,9 @@ from updating.live.engine import Evaluation
 from updating.live.hypothesis import Hypothesis
 from updating.live.sensitivity import FrequencySensitivity, Sensitivity
 from updating.measurement.held_out import Band
-from viz.interactive.indicators import (
-    FRAC,
-    NYQUIST,
-    SINGULAR,
-    cmif_figure,
-    frac_figure,
-    nyquist_figure,
-    sensitivity_figure,
-    singular_levels,
-)
+from viz import indicators
+from viz.indicators import FRAC, NYQUIST, SINGULAR, singular_levels
+from viz.interactive.live import draw
 
 HEIGHT = 400
 """Of figures over frequency [pixel]."""
@@ -113,7 +106,8 @@ def _amplitude(desk: Desk, chosen: Chosen) -> Figure:
 
 def _nyquist(desk: Desk, chosen: Chosen) -> Figure:
     models = {label: _one(frf, chosen) for label, frf in _frfs(desk).items()}
-    return nyquist_figure(_one(desk.shown.measured, chosen), models, chosen.pair, height=HEIGHT)
+    measured = _one(desk.shown.measured, chosen)
+    return draw(indicators.nyquist(measured, models, chosen.pair, height=HEIGHT))
 
 
 def _nyquist_changes(shown: Evaluation, chosen: Chosen) -> Changes:
@@ -134,7 +128,8 @@ def _cmif(desk: Desk, chosen: Chosen) -> Figure:
     bands = figures.held_out_bands(desk.live.data_of(desk.now.hypothesis))
     models = {label: frf.select(counted) for label, frf in _frfs(desk).items()}
     measured = desk.shown.measured.select(counted)
-    return cmif_figure(measured, models, held_out=bands, log_frequency=chosen.log, height=HEIGHT)
+    more = {"held_out": bands, "log_frequency": chosen.log, "height": HEIGHT}
+    return draw(indicators.cmif(measured, models, **more))
 
 
 def _cmif_changes(shown: Evaluation, chosen: Chosen) -> Changes:
@@ -145,7 +140,7 @@ def _cmif_changes(shown: Evaluation, chosen: Chosen) -> Changes:
 
 def _frac(desk: Desk, chosen: Chosen) -> Figure:
     values = {label: _frac_to(e, chosen) for label, e in _models(desk).items()}
-    return frac_figure(values, desk.shown.measured.outputs, force=chosen.pair[1])
+    return draw(indicators.frac(values, desk.shown.measured.outputs, force=chosen.pair[1]))
 
 
 def _frac_to(shown: Evaluation, chosen: Chosen) -> np.ndarray:
@@ -160,7 +155,8 @@ def _sensitivity(desk: Desk, chosen: Chosen) -> Figure:
     best = desk.sensitivities(chosen.pair)[:MOST_BARS]
     names = [_name(desk.now.hypothesis, s) for s in best]
     hover = [f"{name}: {_change(s)}" for name, s in zip(names, best, strict=True)]
-    return sensitivity_figure(names, [s.mean_db for s in best], hover, [s.added for s in best])
+    added = [s.added for s in best]
+    return draw(indicators.sensitivity(names, [s.mean_db for s in best], hover, added))
 
 
 def frequency_bars(desk: Desk, found: ComparedModes, j: int) -> Figure:
@@ -169,7 +165,8 @@ def frequency_bars(desk: Desk, found: ComparedModes, j: int) -> Figure:
     names = [_name(found.hypothesis, s) for s in best]
     hover = [f"{name}: {s.percent:+.2g} % {_step(s)}" for name, s in zip(names, best, strict=True)]
     label = "change per standard deviation of the prior [%]"
-    return sensitivity_figure(names, [abs(s.percent) for s in best], hover, [s.added for s in best], label)
+    sizes, added = [abs(s.percent) for s in best], [s.added for s in best]
+    return draw(indicators.sensitivity(names, sizes, hover, added, label))
 
 
 def _name(h: Hypothesis, s: Sensitivity | FrequencySensitivity) -> str:

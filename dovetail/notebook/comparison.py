@@ -134,21 +134,23 @@ class StudyComparison(correlation.Comparison):
         FRFError
             If the measurement has no such label.
         """
-        from viz.interactive.frf import frf_figure
+        from viz.curves import frf
+        from viz.interactive.live import draw
 
         worst = (before or self).worst_pairs(1)[0]
         pair = (output or worst[0], input_ or worst[1])
         models = {before.label: before.computed} if before is not None else {}
         label = self.label if self.label not in models else f"{self.label}, after"
         marked = {"held_out": self.held_out, "compared": np.isfinite(self.log_ratio)}
-        return frf_figure(self.measured, {**models, label: self.computed}, pair, **marked)
+        return draw(frf(self.measured, {**models, label: self.computed}, pair, **marked))
 
     def plot_map(self) -> Any:
         """Return an interactive plotly figure of the error of each sensor in each band [dB]."""
-        from viz.interactive.error import error_map_figure
+        from viz.heat_maps import error_map
+        from viz.interactive.live import draw
 
         bands = list(pairwise(self.bands.tolist()))
-        return error_map_figure(self.by_band(), self.outputs, bands, title=f"{self.name}, {self.label}")
+        return draw(error_map(self.by_band(), self.outputs, bands, title=f"{self.name}, {self.label}"))
 
     def to_frame(self) -> Any:
         """Return a ``pandas.DataFrame`` of errors [dB]: sensors down, bands [Hz] across.
@@ -189,7 +191,8 @@ class StudyComparison(correlation.Comparison):
 
     def _repr_html_(self) -> str:
         """Return the errors as a table with a picture of sensors and bands."""
-        from viz.heat_maps import plot_misfit_matrix
+        from viz.heat_maps import error_map
+        from viz.still import draw
         from viz.style import figure_png
 
         columns = zip(self.outputs, self.by_sensor(), least_frac(self), strict=True)
@@ -197,7 +200,7 @@ class StudyComparison(correlation.Comparison):
         head = table(("sensor", "error [dB]", "least FRAC"), rows, f"{self.name}, {self.label}")
         words = "Error of each sensor in each frequency band, in dB"
         bands = list(pairwise(self.bands.tolist()))
-        figure = plot_misfit_matrix(self.by_band(), self.outputs, bands, "error [dB]")
+        figure = draw(error_map(self.by_band(), self.outputs, bands))
         picture = b64encode(figure_png(figure, 80)).decode()
         look = 'style="max-width:100%;height:auto"'
         shown = f'<img alt="{escape(words)}" {look} src="data:image/png;base64,{picture}">'

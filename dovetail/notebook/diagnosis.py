@@ -26,7 +26,9 @@ class Tables:
 
     def plot(self: Verdict) -> Any:  # pyright: ignore[reportGeneralTypeIssues]
         """Return an interactive plotly figure of the error after each step, above the noise floor."""
-        return staircase.figure(self)
+        from viz.interactive.live import draw
+
+        return draw(staircase.figure(self))
 
     def _repr_html_(self: Verdict) -> str:  # pyright: ignore[reportGeneralTypeIssues]
         """Return the verdict, what was found, the error after each step, and measured modes."""
@@ -59,7 +61,10 @@ class StudyDiagnosis(Tables, diagnose.Diagnosis):
         if not 1 <= round_ <= len(self.rounds):
             msg = f"there is no round {round_}; the search had {len(self.rounds)}, counted from 1"
             raise ValueError(msg)
-        return rounds.figure(self, round_ - 1)
+        from viz.interactive.live import draw
+
+        figure = rounds.figure(self, round_ - 1)
+        return figure and draw(figure)
 
     def to_frame(self) -> Any:
         """Return a ``pandas.DataFrame`` with a row for each candidate of each round, errors in dB.

@@ -41,7 +41,8 @@ class StudyFRF(frf.FRF):
         FRFError
             If there is no such label.
         """
-        from viz.interactive.frf import frf_figure
+        from viz.curves import frf
+        from viz.interactive.live import draw
 
         pair = (output or self.outputs[0], input_ or self.inputs[0])
-        return frf_figure(None, {"model": self}, pair)
+        return draw(frf(None, {"model": self}, pair))

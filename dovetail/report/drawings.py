@@ -11,6 +11,9 @@ from typing import Any
 from plotly.graph_objects import Figure
 
 from dovetail.report.blocks import Picture
+from viz import still
+from viz.interactive import live
+from viz.picture import Picture as Drawing
 from viz.style import save
 
 DPI = 130
@@ -54,8 +57,13 @@ class Album:
     def plot(
         self, name: str, alt: str, caption: str, plot: Callable[..., Any], *args: Any, **more: Any
     ) -> None:
-        """Draw curves into the folder, the figure that ``plot`` returns for its arguments."""
-        self.add(name, alt, caption, lambda file: save(plot(*args, **more), file, DPI))
+        """Draw curves into the folder: the figure that ``plot`` returns for its arguments, or describes."""
+
+        def drawn(file: Path) -> Any:
+            made = plot(*args, **more)
+            save(still.draw(made) if isinstance(made, Drawing) else made, file, DPI)
+
+        self.add(name, alt, caption, drawn)
 
 
 @dataclass(slots=True)
@@ -75,10 +83,11 @@ class Figures:
     data: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
 
-    def add(self, name: str, make: Callable[[], Figure | None]) -> None:
+    def add(self, name: str, make: Callable[[], Figure | Drawing | None]) -> None:
         """Make a figure; one that cannot be made is left out and named."""
         try:
-            figure = make()
+            made = make()
+            figure = live.draw(made) if isinstance(made, Drawing) else made
         except Exception as reason:
             self.failures.append(
                 f"The figure {name} could not be made ({type(reason).__name__}: {reason}); "

@@ -12,12 +12,13 @@ from dovetail.result import FrfResult, RunResult, bands_of_lines, by_frfs
 from fem.analysis.frf import FRF
 from fem.summary import counted
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Ranked
 from updating.diagnosis.localisation import Localisation
 from updating.diagnosis.verdict import Verdict
 from updating.measurement.measurement import Sensor
+from viz.curves import error_curves, frf_errors
 from viz.interactive.solids import MarkedPlace
+from viz.picture import Picture
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 """Names of the curves of the last step."""
@@ -62,14 +63,13 @@ def compared_models(result: FrfResult) -> Models:
     )
 
 
-def noise_of(d: Diagnosis) -> NDArray[np.float64]:
-    """Return the standard deviation of the measured FRFs by noise, (n_freq, n_out, n_in)."""
-    return np.abs(d.measured.H) * np.broadcast_to(d.problem.data.noise, d.measured.H.shape)
-
-
-def smoothing(frf: FRF) -> int:
-    """Return the number of lines over which errors of FRFs are smoothed."""
-    return max(1, frf.n_freq // 150)
+def frf_error(result: FrfResult) -> Picture:
+    """Return the figure of the error of all FRFs together over frequency."""
+    d = result.diagnosis
+    noise = np.abs(d.measured.H) * np.broadcast_to(d.problem.data.noise, d.measured.H.shape)
+    smooth = max(1, d.measured.n_freq // 150)
+    errors, floor = frf_errors(d.measured, compared_models(result).frfs, floor=noise, smooth=smooth)
+    return error_curves(d.measured.frequency, errors, floor=floor, held_out=held_out_bands(result))
 
 
 def rivals(result: FrfResult) -> dict[int, Ranked]:

@@ -17,14 +17,13 @@ from dovetail.report.drawn import (
     error_bands,
     failing_places,
     fits_of,
+    frf_error,
     held_out_bands,
     marked_places,
     misfit_limit,
     misfit_steps,
-    noise_of,
     pair_errors,
     rivals,
-    smoothing,
     telling_pairs,
     test_of,
 )
@@ -36,22 +35,13 @@ from fem.analysis.modes import Modes
 from fem.model import Model
 from updating.diagnosis.verdict import Verdict
 from updating.plan.plan import Plan
-from viz.curves import frf_errors
-from viz.interactive.error import error_map_figure
-from viz.interactive.frf import (
-    COHERENCE,
-    MAGNITUDE,
-    MEASURED,
-    PHASE,
-    Curves,
-    frf_curves,
-    frf_error_figure,
-    magnitude_title,
-)
-from viz.interactive.frf import frf_figure as figure_of_frfs
+from viz.curves import COHERENCE, MAGNITUDE, MEASURED, PHASE, Curves, frf, frf_curves
+from viz.heat_maps import error_map
+from viz.interactive.live import axis_title
 from viz.interactive.model import model_figure
 from viz.interactive.modes import MeasuredShape, modes_figure
 from viz.interactive.plan import Wording, sizes_figure
+from viz.picture import Axis, Picture
 
 MOST_VALUES = 1_200_000
 """Numbers of all FRFs together; of more lines every second, third … is kept."""
@@ -73,7 +63,8 @@ def make_all(result: RunResult[Verdict], say: Say | None = None) -> Figures:
     out.add("model", lambda: _model(result))
     out.add("staircase", lambda: staircase.figure(d, height=430))
     out.add("probability", lambda: explanations.figure(d))
-    measured_modes.add_figures(result, out)
+    out.add("deviations", lambda: measured_modes.deviations(result))
+    out.add("mac", lambda: measured_modes.mac(result))
     if has_frfs(result):
         _add_frfs(result, out)
     out.add("modes", lambda: _modes(result))
@@ -89,7 +80,7 @@ def _add_frfs(result: FrfResult, out: Figures) -> None:
     for k in range(len(result.diagnosis.rounds)):
         out.add(f"ranking-{k + 1}", lambda k=k: rounds.figure(result.diagnosis, k))
     out.add("frf", lambda: _frf(result, out))
-    out.add("frf-error", lambda: _frf_error(result))
+    out.add("frf-error", lambda: frf_error(result))
 
 
 def sizes(plan: Plan, what: str, kind: str = "") -> Figure:
@@ -128,23 +119,23 @@ def _misfit(result: FrfResult) -> Figure | None:
     )
 
 
-def _error_map(result: FrfResult, step: int) -> Figure:
+def _error_map(result: FrfResult, step: int) -> Picture:
     c = result.comparisons[step]
-    return error_map_figure(c.by_band(), c.outputs, error_bands(result), limits=(0.0, misfit_limit(result)))
+    return error_map(c.by_band(), c.outputs, error_bands(result), limits=(0.0, misfit_limit(result)))
 
 
-def _frf(result: FrfResult, figures: Figures) -> Figure:
+def _frf(result: FrfResult, figures: Figures) -> Picture:
     d = result.diagnosis
     compared = compared_models(result)
     frfs: dict[str, FRF] = dict(compared.frfs)
     for k, rival in rivals(result).items():
-        (with_it, before), (label, frf) = fits_of(result, k, rival).items()
+        (with_it, before), (label, other) = fits_of(result, k, rival).items()
         if with_it != WITH_EFFECT:
             frfs[with_it] = before
-        frfs[f"rival: {label}"] = frf
+        frfs[f"rival: {label}"] = other
     coherence = d.problem.data.measurement.coherence
     pair = next(((o, i) for o, i, _ in telling_pairs(result, 4)), None)
-    figure = figure_of_frfs(
+    figure = frf(
         d.measured,
         frfs,
         pair,
@@ -165,6 +156,11 @@ def _frf(result: FrfResult, figures: Figures) -> Figure:
             for o in d.measured.outputs
         ]
     return figure
+
+
+def magnitude_title(frf: FRF) -> str:
+    """Return the title of the axis of one FRF's amplitude, with its unit."""
+    return axis_title(Axis(frf.quantity, decibels=frf.unit))
 
 
 def frf_store(
@@ -223,14 +219,6 @@ def _integers(values: NDArray[np.float64], step: float) -> NDArray[np.int16]:
 
 def _plain(values: NDArray[np.float64]) -> list[list[float | None]]:
     return [[float(v) if np.isfinite(v) else None for v in row] for row in values]
-
-
-def _frf_error(result: FrfResult) -> Figure:
-    d = result.diagnosis
-    measured = d.measured
-    models = compared_models(result).frfs
-    errors, noise = frf_errors(measured, models, floor=noise_of(d), smooth=smoothing(measured))
-    return frf_error_figure(measured.frequency, errors, floor=noise, held_out=held_out_bands(result))
 
 
 def _modes(result: RunResult[Verdict]) -> Figure | None:

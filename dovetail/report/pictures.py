@@ -13,13 +13,12 @@ from dovetail.report.drawn import (
     error_bands,
     failing_places,
     fits_of,
+    frf_error,
     held_out_bands,
     marked_places,
     misfit_limit,
     misfit_steps,
-    noise_of,
     rivals,
-    smoothing,
     telling_pairs,
     test_in_words,
     test_of,
@@ -56,7 +55,7 @@ def draw_all(result: RunResult[Verdict], folder: Path, say: Say) -> Album:
     album, d = Album(folder), result.diagnosis
     say("drawing curves", 0.0)
     caption = staircase.CAPTIONS[d.stairs.unit]
-    album.plot("staircase", staircase.in_words(d), caption, staircase.picture, d)
+    album.plot("staircase", staircase.in_words(d), caption, staircase.figure, d)
     measured_modes.draw(result, album)
     if has_frfs(result):
         _draw_errors(result, album)
@@ -85,12 +84,12 @@ def _draw_errors(result: FrfResult, album: Album) -> None:
         if len(order) > MANY:
             order = np.argsort(-np.nan_to_num(c.by_sensor()), kind="stable")[:MANY]
             caption += f"; the {MANY} worst of {len(c.outputs)} sensors"
-        shown = c.by_band()[order], [c.outputs[i] for i in order], bands, "error [dB]", limits
-        album.plot(f"misfit-bands-{name}", alt, f"{caption}.", heat_maps.plot_misfit_matrix, *shown)
+        shown = c.by_band()[order], [c.outputs[i] for i in order], bands
+        album.plot(f"misfit-bands-{name}", alt, f"{caption}.", heat_maps.error_map, *shown, limits=limits)
     for k, ranked in enumerate(d.rounds):
         if ranked:
             alt = f"Residual level that each of {len(ranked)} candidates leaves in round {k + 1}."
-            album.plot(f"ranking-{k + 1}", alt, rounds.caption(d, k), rounds.picture, d, k)
+            album.plot(f"ranking-{k + 1}", alt, rounds.caption(d, k), rounds.figure, d, k)
 
 
 def _draw_frfs(result: FrfResult, album: Album) -> None:
@@ -117,8 +116,7 @@ def _draw_frfs(result: FrfResult, album: Album) -> None:
         caption = f"The FRFs that decide: {listed}, with the effect and with {rival}, both fitted."
         album.plot(f"decides-{k + 1}", alt, caption, curves.plot_frf, measured, drawn, pairs, **marked)
     alt = f"Relative error of all FRFs together over frequency, for {', '.join(models)}."
-    more = {"floor": noise_of(d), "held_out": unseen, "smooth": smoothing(measured)}
-    album.plot("frf-error", alt, FRF_ERROR, curves.plot_frf_error, measured, models, **more)
+    album.plot("frf-error", alt, FRF_ERROR, frf_error, result)
 
 
 def _draw_structure(result: RunResult[Verdict], album: Album) -> None:

@@ -175,7 +175,8 @@ def blind_lines(plan: Plan) -> list[str]:
     for (kind, _), every in plan.kinds.items():
         there: dict[str, list[bool]] = {}
         for o in every:
-            place = words.place(o.relevant.where.partition(" at ")[0])
+            site = o.relevant.where
+            place = words.place(site.thing if site.at else site)
             there.setdefault(place, []).append(o.seen)
         places = [
             place + (f" ({seen.count(False)} of {len(seen)} positions)" if len(seen) > 1 else "")

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, axis_text, by_frfs
-from fem.model import Effect, Model, Parameter
+from fem.declarations import Site
+from fem.model import DIRECTIONS, Effect, Model, Parameter
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
 from updating.diagnosis.departures import Departure
@@ -30,6 +31,12 @@ def place(where: str) -> str:
     """Return a place with its direction spelt out (``joint J, rx``: joint J, about x) and long lists cut."""
     where = _DIRECTION.sub(lambda m: f", {'about' if m[1] else 'along'} {m[2]}", where)
     return _MANY.sub(lambda m: f"{m[2].count(',') + 2} {m[1]} ({m[2].partition(',')[0]} … {m[3]})", where)
+
+
+def direction_text(direction: str) -> str:
+    """Return a direction spelt out (``rx``: about x); other texts as they are."""
+    known = direction in DIRECTIONS
+    return f"{'about' if direction[0] == 'r' else 'along'} {direction[-1]}" if known else direction
 
 
 def directions(text: str) -> str:
@@ -385,10 +392,10 @@ def values_found(d: Verdict) -> list[str]:
 
 def sentences(findings: Sequence[Finding]) -> str:
     """Return findings as plain sentences, one for all directions of the same thing."""
-    groups: dict[tuple[str, str, bool], list[Finding]] = {}
+    groups: dict[tuple[object, ...], list[Finding]] = {}
     for f in findings:
-        thing, comma, _ = place(f.effect.where).rpartition(", ")
-        one = (f.effect.statement, thing, _change(f) > 0) if comma else (f.effect.name, "", True)
+        site = f.effect.where
+        one = (f.effect.statement, site.thing, site.at, _change(f) > 0) if site.detail else (f.effect.name,)
         groups.setdefault(one, []).append(f)
     return " ".join(map(sentence, groups.values()))
 
@@ -401,13 +408,10 @@ def sentence(findings: Sequence[Finding]) -> str:
     ``heavier`` and ``tension``; by the number of places ``are`` and ``act``.
     """
     finding = findings[0]
-    where = place(finding.effect.where)
-    thing, comma, direction = where.rpartition(", ")
-    thing, direction = (thing, direction) if comma else (where, "")
-    if len(findings) > 1:
-        direction = " and ".join(place(f.effect.where).rpartition(", ")[2] for f in findings)
-        where = f"{thing}, {direction}"
-    member, _, at = where.partition(" at ")
+    site = finding.effect.where
+    direction = " and ".join(direction_text(f.effect.where.detail) for f in findings)
+    thing = place(Site(site.thing, site.at or None))
+    where = f"{thing}, {direction}" if direction else thing
     change = _change(finding)
     more = change > 0
     several = "supports" in thing or "joints" in thing
@@ -417,8 +421,8 @@ def sentence(findings: Sequence[Finding]) -> str:
         where=where,
         thing=thing,
         direction=direction,
-        member=member,
-        at=at,
+        member=place(site.thing),
+        at=site.at,
         stiffer="stiffer" if more else "softer",
         heavier="heavier" if more else "lighter",
         tension="tension" if more else "compression",

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Relevant, Role, Yardstick
+from fem.declarations import Entry, Marker, Relevant, Role, Site, Yardstick
 from fem.effects.on_member import AtPosition, WithinMember
 from fem.elements.frame import Frame
 from fem.model import (
@@ -62,9 +62,9 @@ class AddedMass(Effect):
             refuse_negative(self.name, inertia=(least, "kg·m²"))
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The point."""
-        return f"point {self.point}"
+        return Site(f"point {self.point}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the mass."""

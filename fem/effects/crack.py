@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Relevant, Role
+from fem.declarations import Entry, Marker, Relevant, Role, Site
 from fem.effects.giving_way import GivesWay
 from fem.effects.places import bending_stiffness, frame_of, is_bar, section_extent, welded_ends
 from fem.elements.frame import Frame
@@ -61,9 +61,9 @@ class Crack(GivesWay):
     depth: float = 0.0
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Member, position and plane."""
-        return f"member {self.member} at {np.real(self.position):.3f} m, {_WORDS[self.direction]}"
+        return Site(f"member {self.member}", self.position, _WORDS[self.direction])
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return compliance and position."""
@@ -187,9 +187,9 @@ class EndRelease(GivesWay):
     reference: float
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Member, end and plane."""
-        return f"end {self.end} of member {self.member}, {_WORDS[self.direction]}"
+        return Site(f"end {self.end} of member {self.member}", detail=_WORDS[self.direction])
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the compliance."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Contains, Entry, Environment, Marker, Role
+from fem.declarations import Contains, Entry, Environment, Marker, Role, Site
 from fem.effects.on_member import OnMember
 from fem.effects.places import frame_of, member_mass, stiffness_of_sprung
 from fem.elements.frame import Frame
@@ -77,9 +77,9 @@ class DistributedMass(OnMember):
         )
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Member and position."""
-        return f"member {self.member} at {np.real(self.position):.3f} m"
+        return Site(f"member {self.member}", self.position)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return mass per length, position and width."""
@@ -185,9 +185,9 @@ class FluidAddedMass(OnMember):
         refuse_negative(self.name, mass=(self.mass, "kg/m"))
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Member and direction."""
-        return f"member {self.member}, along local {self.direction}"
+        return Site(f"member {self.member}", detail=f"along local {self.direction}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the mass per length."""

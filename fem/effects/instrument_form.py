@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Role
+from fem.declarations import Entry, Role, Site
 from fem.effects.added_mass import AddedMass
 from fem.effects.instruments import place_name
 from fem.effects.places import typical_mass, typical_stiffness
@@ -49,9 +49,9 @@ class SensorForm(Effect):
     stated: float = 0.0
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """All sensors: how many they are depends on which a fit uses."""
-        return "all places of sensors"
+        return Site("all places of sensors")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the mass."""
@@ -122,9 +122,9 @@ class DriverForm(Effect):
     references: tuple[float, float]
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The excitation."""
-        return f"excitation at {self.place}"
+        return Site(f"excitation at {self.place}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return mass and stiffness."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.places import AtPoint, typical_mass, typical_stiffness
 from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, dofs_of, refuse_negative
@@ -67,9 +67,9 @@ class SensorMass(_InstrumentMass):
     )
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """How many places."""
-        return f"the {len(self.points)} places of sensors"
+        return Site(f"the {len(self.points)} places of sensors")
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
@@ -110,9 +110,9 @@ class DriverMass(_InstrumentMass):
     names: tuple[str, ...]
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Where the excitations are."""
-        return f"excitation{'s' if len(self.points) > 1 else ''} at {', '.join(self.names)}"
+        return Site(f"excitation{'s' if len(self.points) > 1 else ''} at {', '.join(self.names)}")
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
@@ -173,9 +173,9 @@ class Stinger(AtPoint):
     reference: float
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The excitation."""
-        return f"excitation at {self.place}, {'across' if self.across else 'along'} it"
+        return Site(f"excitation at {self.place}", detail=f"{'across' if self.across else 'along'} it")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the stiffness."""

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Marker, Role, Yardstick
+from fem.declarations import Marker, Role, Site, Yardstick
 from fem.effects.added_mass import too_heavy
 from fem.model import (
     DIRECTIONS,
@@ -204,9 +204,9 @@ class Joint(PointPair):
                 raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The joint's name."""
-        return f"joint {self.name}"
+        return Site(f"joint {self.name}")
 
     @property
     def rigid_directions(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Role
+from fem.declarations import Entry, Role, Site
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
@@ -49,9 +49,9 @@ class JointCoupling(OnJoint):
     bounds: tuple[float, float] = (-0.95, 0.95)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Joint and directions."""
-        return f"joint {self.joint}, {self.first} with {self.second}"
+        return Site(f"joint {self.joint}", detail=f"{self.first} with {self.second}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the coupling."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.places import parameters_of
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
@@ -42,9 +42,9 @@ class JointViscousDamping(Effect):
     reference: float
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Joint and direction."""
-        return f"joint {self.joint}, {self.direction}"
+        return Site(f"joint {self.joint}", detail=self.direction)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the dashpot's constant."""
@@ -118,9 +118,9 @@ class JointStructuralDamping(Effect):
     loss_factor: Any
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The joint."""
-        return f"joint {self.joint}"
+        return Site(f"joint {self.joint}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the loss factor."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.joint import Joint
 from fem.effects.mounting import OnSide, is_foot, section_size, sides_of
 from fem.effects.places import frame_of
@@ -39,9 +39,9 @@ class JointHole(OnSide):
     across: NDArray[np.float64]
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Joint, member and direction."""
-        return f"joint {self.joint}, member {self.member}, along local {self.direction}"
+        return Site(f"joint {self.joint}, member {self.member}", detail=f"along local {self.direction}")
 
     def place(self, model: Model) -> InnerPlace:
         """Return the point of the side, which stays."""

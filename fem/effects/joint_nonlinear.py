@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Role
+from fem.declarations import Entry, Role, Site
 from fem.effects.joint import TRANSLATIONS, Joint, joint_unit
 from fem.effects.places import OnJoint
 from fem.model import DIRECTIONS, Contribution, Model, ModelError, Parameter
@@ -46,9 +46,9 @@ class AmplitudeDependent(OnJoint):
             raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Joint and direction."""
-        return f"joint {self.joint}, {self.direction}"
+        return Site(f"joint {self.joint}", detail=self.direction)
 
     @property
     def _length(self) -> str:

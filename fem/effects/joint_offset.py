@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint, frame_of, parameters_of
 from fem.effects.superelement import Superelement
@@ -58,9 +58,9 @@ class JointOffset(OnJoint):
     reach: float
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Joint and direction."""
-        return f"joint {self.joint}, {self.direction}"
+        return Site(f"joint {self.joint}", detail=self.direction)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the offset."""

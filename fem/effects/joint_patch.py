@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.joint import Joint, PointPair, Spread
 from fem.effects.places import frame_of, is_bar, section_extent
 from fem.elements.frame import Frame
@@ -92,9 +92,9 @@ class JointPatch(Spread):
     motions: Recent = field(default_factory=lambda: Recent(_MOTIONS), repr=False)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The joints."""
-        return f"joint{'s' if len(self.joints) > 1 else ''} {', '.join(self.joints)}"
+        return Site(f"joint{'s' if len(self.joints) > 1 else ''} {', '.join(self.joints)}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the size, and the stiffness about the normal."""

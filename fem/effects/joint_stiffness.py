@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Relevant, Role
+from fem.declarations import Entry, Marker, Relevant, Role, Site
 from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
@@ -56,9 +56,11 @@ class JointStiffness(Effect):
     bounds: tuple[float, float] = (1e-6, 1e18)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Joints and direction."""
-        return f"joint{'s' if len(self.joints) > 1 else ''} {', '.join(self.joints)}, {self.direction}"
+        return Site(
+            f"joint{'s' if len(self.joints) > 1 else ''} {', '.join(self.joints)}", detail=self.direction
+        )
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the stiffness."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Environment, Marker, Role
+from fem.declarations import Entry, Environment, Marker, Role, Site
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.places import OnJoint
 from fem.laws import Maxwell, SpringPot
@@ -26,9 +26,9 @@ class _JointViscoelastic(OnJoint):
     stiffness: Any = 1e6
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Joint and direction."""
-        return f"joint {self.joint}, {self.direction}"
+        return Site(f"joint {self.joint}", detail=self.direction)
 
     @property
     def rigid(self) -> bool:

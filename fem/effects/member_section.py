@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Relevant, Role
+from fem.declarations import Entry, Marker, Relevant, Role, Site
 from fem.effects.on_member import OnMember
 from fem.effects.places import elements_of, frame_of, is_bar, material_of, sheared_frame
 from fem.elements.frame import Frame, changes_between, member_contribution
@@ -80,9 +80,9 @@ class MemberSection(OnMember):
     change: Any = 0.0
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Member and direction."""
-        return f"member {self.member}, along local {self.direction}"
+        return Site(f"member {self.member}", detail=f"along local {self.direction}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the change."""

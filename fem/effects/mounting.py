@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Site
 from fem.effects.giving_way import cut_parameters, place_at
 from fem.effects.joint import Joint
 from fem.effects.places import elements_of, frame_of, parameters_of
@@ -147,9 +148,9 @@ class AlongMember(OnSide):
     of_feet: ClassVar[bool]
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Joint and member."""
-        return f"joint {self.joint}, member {self.member}"
+        return Site(f"joint {self.joint}", detail=f"member {self.member}")
 
     def place(self, model: Model) -> InnerPlace:
         """Return the place further along."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Internal, Marker, Role
+from fem.declarations import Internal, Marker, Role, Site
 from fem.effects.proportional_damping import MassDamping
 from fem.ground import MovingGround
 from fem.model import Contribution, Effect, Model, ModelError, Parameter
@@ -47,9 +47,9 @@ class MovingBase(Effect):
             raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The base."""
-        return "the base"
+        return Site("the base")
 
     @property
     def internal(self) -> Internal:

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Site
 from fem.model import Effect, Model
 
 
@@ -22,9 +23,9 @@ class OnMember(Effect):
     member: str
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The member."""
-        return f"member {self.member}"
+        return Site(f"member {self.member}")
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the middle of the member."""
@@ -56,9 +57,9 @@ class AtPosition(OnMember):
     position: Any
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Member and position."""
-        return f"member {self.member} at {np.real(self.position):.3f} m"
+        return Site(f"member {self.member}", self.position)
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the place on the member."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Yardstick
+from fem.declarations import Site, Yardstick
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint, PointPair
 from fem.effects.section_shear import SectionShear
@@ -30,9 +30,9 @@ class OnJoint(Effect):
     joint: str
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The joint."""
-        return f"joint {self.joint}"
+        return Site(f"joint {self.joint}")
 
     def of(self, model: Model) -> Joint:
         """Return the joint.
@@ -78,10 +78,10 @@ class OnSupports(Effect):
     stiffness: Any
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Supports and direction."""
         names = ", ".join(self.supports)
-        return f"support{'s' if len(self.supports) > 1 else ''} {names}, {self.direction}"
+        return Site(f"support{'s' if len(self.supports) > 1 else ''} {names}", detail=self.direction)
 
     def springs(self, model: Model) -> tuple[NDArray[np.int64], Array]:
         """Return the DOF (n, 1) and the stiffness (n, 1, 1) of each support."""
@@ -135,9 +135,9 @@ class OnPoint(AtPoint):
     direction: str
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Place and direction."""
-        return f"{self.place}, {self.direction}"
+        return Site(self.place, detail=self.direction)
 
     @property
     def dof(self) -> NDArray[np.int64]:

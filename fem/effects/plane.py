@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Role
+from fem.declarations import Role, Site
 from fem.effects.spin import spinning
 from fem.effects.sprung_mass import SprungMass
 from fem.effects.superelement import Superelement
@@ -48,9 +48,9 @@ class Plane(Effect):
             raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The plane."""
-        return f"plane {self.plane}"
+        return Site(f"plane {self.plane}")
 
     @property
     def normal(self) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Role
+from fem.declarations import Role, Site
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
 from fem.elements.geometric_stiffness import Courses, ForceSamples, SectionForces, sample, stress_stiffness
@@ -112,10 +112,10 @@ class Prestress(Effect):
             raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The members."""
         names = self._members()
-        return f"member{'s' if len(names) > 1 else ''} {', '.join(names)}"
+        return Site(f"member{'s' if len(names) > 1 else ''} {', '.join(names)}")
 
     def _content(self) -> Hashable:
         """Return the forces as bytes: a key of all but the factor that the stiffness depends on."""

@@ -11,16 +11,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Role
+from fem.declarations import Role, Site
 from fem.model import Contribution, Effect, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Proportional(Effect):
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """All of it."""
-        return "the whole structure"
+        return Site("the whole structure")
 
     def _others(self, model: Model) -> list[Contribution]:
         """Return the contributions of all other effects of the model but a base that carries it."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.joint import PointPair
 from fem.effects.places import (
     elements_of,
@@ -57,12 +57,12 @@ class RigidEndZone(Effect):
     longest: float
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The end, or how many."""
         if len(self.ends) == 1:
             ((member, end),) = self.ends
-            return f"end {end} of member {member}"
-        return f"{len(self.ends)} joined ends of members"
+            return Site(f"end {end} of member {member}")
+        return Site(f"{len(self.ends)} joined ends of members")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the length."""

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Role
+from fem.declarations import Role, Site
 from fem.effects.joint import relative_rows
 from fem.model import DIRECTIONS, Constraint, Effect, Model, ModelError, Parameter
 
@@ -40,9 +40,9 @@ class RigidLink(Effect):
             raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The points."""
-        return f"points {', '.join(map(str, (self.point, *self.dependents)))}"
+        return Site(f"points {', '.join(map(str, (self.point, *self.dependents)))}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """None."""
@@ -93,9 +93,9 @@ class MultiPointConstraint(Effect):
             raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The points."""
-        return f"points {', '.join(map(str, dict.fromkeys(p for p, _, _ in self.terms)))}"
+        return Site(f"points {', '.join(map(str, dict.fromkeys(p for p, _, _ in self.terms)))}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """None."""

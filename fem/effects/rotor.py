@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Environment, Role
+from fem.declarations import Entry, Environment, Role, Site
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.places import (
@@ -58,9 +58,9 @@ class Rotor(AtPoint):
     reference: float = 1e-2
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Place and axis."""
-        return self.place or f"point {self.point}"
+        return Site(self.place or f"point {self.point}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the angular momentum."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Role
+from fem.declarations import Entry, Role, Site
 from fem.effects.places import frame_of, is_bar, sheared_frame
 from fem.effects.with_frame import WithFrame
 from fem.elements.frame import Frame
@@ -72,9 +72,9 @@ class SectionForm(WithFrame):
     parts: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The members."""
-        return f"section of member {', '.join(self.members)}"
+        return Site(f"section of member {', '.join(self.members)}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the changes."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Role
+from fem.declarations import Role, Site
 from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 from fem.recent import Recent
@@ -70,10 +70,10 @@ class SectionShear(Effect):
         return cls(groups=named, directions={first: _directions(sections[first]) for first in named})
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """How many members."""
         n = sum(map(len, self.groups.values()))
-        return f"{n} members with walls" if n > 1 else "the member with walls"
+        return Site(f"{n} members with walls" if n > 1 else "the member with walls")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the factors, one or two of each section."""

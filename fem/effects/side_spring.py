@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Role, Yardstick
+from fem.declarations import Entry, Role, Site, Yardstick
 from fem.effects.on_member import AtPosition
 from fem.effects.places import frame_of, is_bar, odd_stiffness, typical_stiffness
 from fem.elements.frame import Frame
@@ -49,9 +49,9 @@ class SideSpring(AtPosition):
     reference: float
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Member, position and direction."""
-        return f"member {self.member} at {np.real(self.position):.3f} m, along local {self.direction}"
+        return Site(f"member {self.member}", self.position, f"along local {self.direction}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return stiffness and position, which keeps off the ends."""

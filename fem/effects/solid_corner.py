@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.places import elements_of, frame_of, is_bar, reaches, section_extent, sheared_frame
 from fem.elements.frame import Frame
 from fem.elements.stretches import at_least, mass_of_stretches, stiffening
@@ -93,9 +93,9 @@ class SolidCorner(Effect):
     rigid_zone_factor: Any = 0.65
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """How many."""
-        return f"{self.n_corners} welded corners" if self.n_corners > 1 else "the welded corner"
+        return Site(f"{self.n_corners} welded corners" if self.n_corners > 1 else "the welded corner")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return size and rigid-zone factor."""

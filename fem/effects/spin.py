@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Environment, Role
+from fem.declarations import Environment, Role, Site
 from fem.effects.added_mass import AddedMass
 from fem.elements.frame import Frame
 from fem.elements.gyroscopic import unit_gyroscopic
@@ -71,9 +71,9 @@ class Spin(Effect):
         refuse_speeds(self.speed)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The shafts."""
-        return "the members that spin"
+        return Site("the members that spin")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the speed."""

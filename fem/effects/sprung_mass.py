@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Internal, Marker, Role, Yardstick
+from fem.declarations import Internal, Marker, Role, Site, Yardstick
 from fem.effects.added_mass import too_heavy
 from fem.effects.joint import joint_unit
 from fem.model import (
@@ -84,9 +84,9 @@ class SprungMass(Effect):
                 raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The point."""
-        return f"point {self.point}"
+        return Site(f"point {self.point}")
 
     @property
     def internal(self) -> Internal:

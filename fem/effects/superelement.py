@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.declarations import Internal, Role
+from fem.declarations import Internal, Role, Site
 from fem.elements.part_faces import PartFaces
 from fem.elements.part_reduction import (
     DENSE,
@@ -211,9 +211,11 @@ class Superelement(Effect):
         )
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The points that it is tied to."""
-        return f"part {self.name} at point{'s' * (len(self.points) > 1)} {', '.join(map(str, self.points))}"
+        return Site(
+            f"part {self.name} at point{'s' * (len(self.points) > 1)} {', '.join(map(str, self.points))}"
+        )
 
     @property
     def weight(self) -> float:

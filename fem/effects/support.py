@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fem.declarations import SUPPORT_MARKER, Marker, Role
+from fem.declarations import SUPPORT_MARKER, Marker, Role, Site
 from fem.effects.places import AtPoint
 from fem.model import DIRECTIONS, Constraint, Model, Parameter
 
@@ -29,9 +29,9 @@ class Support(AtPoint):
     fixed: tuple[str, ...] = DIRECTIONS
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The support's name."""
-        return f"support {self.name}"
+        return Site(f"support {self.name}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """None: a rigid support has nothing to estimate; support flexibility is another effect."""

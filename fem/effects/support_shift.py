@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.giving_way import cut_parameters, place_at
 from fem.effects.mounting import REACH, members_at, shifts
 from fem.effects.places import elements_of, frame_of
@@ -59,9 +59,9 @@ class SupportShift(Effect):
     upper: float
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """Support and member."""
-        return f"support {self.support}, member {self.member}"
+        return Site(f"support {self.support}", detail=f"member {self.member}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the shift."""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Environment, Role
+from fem.declarations import Environment, Role, Site
 from fem.effects.joint import PointPair, joint_unit
 from fem.laws import FractionalKelvinVoigt, FractionalZener, TabulatedLaw, Zener, check_table
 from fem.model import DIRECTIONS, Contribution, Model, ModelError, Parameter
@@ -51,9 +51,9 @@ class Viscoelastic(PointPair):
                 raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The element's name."""
-        return f"element {self.name}"
+        return Site(f"element {self.name}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the static stiffnesses ``kx … krz`` on K's diagonal and the law's parameters."""
@@ -122,9 +122,9 @@ class TabulatedStiffness(PointPair):
             raise ModelError(msg)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The element's name."""
-        return f"element {self.name}"
+        return Site(f"element {self.name}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the factor."""

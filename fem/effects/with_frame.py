@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.declarations import Site
 from fem.effects.places import reaches, sheared_frame
 from fem.elements.frame import Frame
 from fem.model import Effect, Model, ParameterRef, parameter_values
@@ -62,9 +63,9 @@ class OnStretches(WithFrame):
     tables: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """The place."""
-        return self.place
+        return Site(self.place)
 
     def alters(self, model: Model, member: str, line: int | None = None) -> bool:
         """Whether a stretch is on the line."""

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.declarations import Role
+from fem.declarations import Role, Site
 from fem.elements.by_member import ByMember
 from fem.elements.closed_form import closed_mass, closed_stiffness, global_blocks
 from fem.elements.connections import connect_ends, with_rigid_ends
@@ -109,9 +109,9 @@ class Frame(Effect):
         return {p.material.name: p.material for p in self._different()}
 
     @property
-    def where(self) -> str:
+    def where(self) -> Site:
         """All members."""
-        return "all members"
+        return Site("all members")
 
     @property
     def has_tapers(self) -> bool:

@@ -93,14 +93,13 @@ def test_a_right_model_meets_its_transmissibilities_up_to_noise(right):
 
 
 def test_transmissibilities_are_named_so_and_have_no_unit(right, tmp_path, capsys):
-    from viz import plot_frf
-    from viz.interactive import frf_figure
+    from viz import frf, interactive, plot_frf
 
     measured = right.measurements[0].frf
     assert (measured.quantity, measured.unit) == ("transmissibility", "-")
     assert "'frf.npz' transmissibility [-]: " in repr(right.measurements[0])
     assert plot_frf(measured).axes[0].get_ylabel() == "transmissibility [-]"
-    assert frf_figure(measured).layout["yaxis"]["title"]["text"] == "transmissibility<br>[dB]"
+    assert interactive.draw(frf(measured)).layout["yaxis"]["title"]["text"] == "transmissibility<br>[dB]"
     assert right.frf().as_kind("mobility").unit == "s"
     both = FRF.from_arrays([1.0], np.ones((1, 1, 2)), "accelerance", ["a"], ["tip", "base x"], ["base x"])
     assert both.unit == "(m/s²)/N, -"

@@ -13,6 +13,7 @@ import fem
 import joint
 import updating
 from fem import FRF, Effect, FRFError, Parameter, assemble
+from fem.declarations import Site
 from fem.summary import fields_summary, quantity, span
 from tests.studies import fit_problem
 
@@ -113,7 +114,7 @@ def test_an_effect_of_ones_own_prints_its_parameters():
 
         @property
         def where(self):
-            return "nowhere"
+            return Site("nowhere")
 
         def parameters(self):
             return (Parameter("mass", "kg", self.mass, 0.0, 0.0, 1.0),)

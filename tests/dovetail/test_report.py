@@ -573,3 +573,17 @@ def test_every_statement_has_fields_that_a_report_knows():
 
 def test_every_parameter_of_the_form_has_a_name():
     assert (FORM_ZONE | FORM_SECTION).keys() <= FORM_WORDS.keys()
+
+
+def test_names_with_commas_are_whole_in_sentences():
+    kind = effect_classes()["joint_structural_damping"]
+    lossy = [kind(name=name, joint=name, loss_factor=0.1) for name in ("a, left", "a, right")]
+    findings = [Finding(e, [SimpleNamespace(name="loss_factor", value=0.1)], ()) for e in lossy]
+    assert words.sentences(findings) == (
+        "Joint a, left dissipates more than in the model. Joint a, right dissipates more than in the model."
+    )
+    kind = effect_classes()["member_density"]
+    (at_rest,) = (e for e in kind.propose(portal()) if e.name == "member_density:left")
+    named = replace(at_rest, member="at 2, left")
+    value = [SimpleNamespace(name=named.parameters()[0].name, value=0.1)]
+    assert words.sentence([Finding(named, value, ())]) == "Member at 2, left is heavier than in the model."

@@ -36,8 +36,9 @@ from tests.frames import beam
 from updating import FAULT, Fault
 from updating.correlation import rms_db
 from updating.diagnosis import modes_of
-from viz import displacement_at
-from viz.interactive import frf, model, ranking_figure, solids
+from viz import displacement_at, frf, ranking
+from viz.curves import frf_curves
+from viz.interactive import draw, model, solids
 from viz.interactive.theme import CONFIG
 
 NASTY = "a<b>&\"'{x}%{y}$z$"
@@ -110,7 +111,7 @@ def test_the_error_of_a_pair_is_that_of_a_comparison(found):
 
 def test_values_that_are_missing_or_jump_are_kept():
     H = np.array([1e-6, 0, 1e6, -1e-3, 1e3j, 0])[:, None, None]
-    known = frf.frf_curves(FRF.from_arrays(np.arange(1.0, 7), H))
+    known = frf_curves(FRF.from_arrays(np.arange(1.0, 7), H))
     coherence = np.linspace(0, 1, 6)[:, None, None]
     store = figures.frf_store(known, coherence, {"nominal": np.array([[np.nan]])})
     read = unpacked(store)
@@ -122,7 +123,7 @@ def test_values_that_are_missing_or_jump_are_kept():
 
 
 def test_of_very_many_lines_every_second_is_kept(monkeypatch):
-    known = frf.frf_curves(FRF.from_arrays(np.arange(1.0, 101), 1j * np.arange(1.0, 101)))
+    known = frf_curves(FRF.from_arrays(np.arange(1.0, 101), 1j * np.arange(1.0, 101)))
     monkeypatch.setattr(figures, "MOST_VALUES", 150)
     store = figures.frf_store(known)
     assert (store["every"], len(store["frequency"])) == (2, 50)
@@ -203,7 +204,8 @@ def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
     assert "Probability of this effect, alone or with others: 93\u00a0%; alone: 93\u00a0%" in head
     assert re.search(r"nothing missing</th><td[^>]*>5\u00a0%", rest)
     assert "something that the library does not have" in rest
-    assert list(figures.make_all(sure).known["probability"].data[0].x) == [0.93, 0.05, 0.02]
+    reported, others = figures.make_all(sure).known["probability"].data
+    assert [*reported.x, *others.x] == [0.93, 0.05, 0.02]
 
 
 def test_names_cannot_end_a_script():
@@ -436,8 +438,8 @@ def test_names_with_tags_stay_text_in_a_browser(chromium, tmp_path):
     one = FRF.from_arrays(np.arange(1.0, 9), np.arange(1.0, 9), "mobility", [NASTY], ["f"])
     made = (
         model.model_figure(beam(2), places=[place]),
-        ranking_figure([NASTY, "other"], [1.0, 2.0], 3.0),
-        frf.frf_figure(one, {f"with {NASTY}": one}),
+        draw(ranking([NASTY, "other"], [1.0, 2.0], 3.0)),
+        draw(frf(one, {f"with {NASTY}": one})),
     )
     parts = [m.to_html(full_html=False, include_plotlyjs=False, config=CONFIG) for m in made]
     file = tmp_path / "names.html"

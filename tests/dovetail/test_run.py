@@ -175,7 +175,7 @@ def test_a_picture_that_fails_is_named(done, tmp_path, monkeypatch):
     def fail(*_, **__):
         raise ValueError("no ink")
 
-    monkeypatch.setattr("viz.search.plot_staircase", fail)
+    monkeypatch.setattr("viz.search.staircase", fail)
     monkeypatch.setattr(pictures, "_draw_frfs", lambda *_: None)  # of no concern here, and slow to draw
     result = run.run(done.study, tmp_path / "out")
     assert "staircase.png could not be drawn (ValueError: no ink)" in result.report.read_text(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fem import Contribution, Effect, Frame, Parameter, Role, dofs_of
+from fem.declarations import Site
 from tests.fem.test_effects_contract import (
     CHECKS,
     MODELS,
@@ -35,8 +36,8 @@ class Planted(Effect):
     width: float = 0.1
 
     @property
-    def where(self) -> str:
-        return "" if self.fault == "place" else "here"
+    def where(self) -> Site:
+        return Site("" if self.fault == "place" else "here")
 
     def parameters(self):
         return (

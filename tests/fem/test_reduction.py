@@ -22,6 +22,7 @@ from fem import (
     dofs_of,
     solve_modes,
 )
+from fem.declarations import Site
 from fem.reduction import reduce_craig_bampton, reduce_dynamic, reduce_guyan, reduce_irs, reduce_serep
 from fem.reduction.frequency_errors import frequency_errors
 from tests.frames import STEEL, beam, cross_beam, fix, planar, portal
@@ -210,7 +211,7 @@ class Rubber(Effect):
 
     @property
     def where(self):
-        return "here"
+        return Site("here")
 
     def parameters(self):
         return ()

@@ -29,6 +29,7 @@ from fem import (
     solve_modes,
 )
 from fem.analysis.modes import solve_eigenpairs
+from fem.declarations import Site
 from fem.effects import MemberStiffness, SupportFlexibility
 from fem.sensitivity.matrices import differentiate_matrices
 from tests.frames import beam, cross_beam, fix, portal
@@ -49,7 +50,7 @@ class Brace(Effect):
 
     @property
     def where(self):
-        return "here"
+        return Site("here")
 
     def parameters(self):
         return (Parameter("k", "N/m", self.k, 0.0, 0.0, np.inf, linear=True),)

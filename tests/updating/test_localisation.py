@@ -1,10 +1,13 @@
 """The places where a model fails: by the best effect at each."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from fem.declarations import Site
+from fem.effects import effect_classes
 from tests.studies import fit_problem
 from updating import locate
 from updating.diagnosis import localisation
@@ -51,3 +54,14 @@ def test_a_large_effect_that_no_small_change_explains_is_told(problem, monkeypat
     where = locate(problem, problem.nominal())
     assert not where.says_where
     assert where.note == localisation.NOWHERE
+
+
+def test_a_joint_with_a_comma_in_its_name_is_a_place_with_its_whole_name():
+    one = effect_classes()["joint_structural_damping"](name="eta", joint="leg, left", loss_factor=0.1)
+    assert localisation.place_named(one) == ("joint leg, left", False)
+
+
+def test_words_of_a_place_keep_their_parts_between_processes():
+    where = pickle.loads(pickle.dumps(Site("member rib, left", 0.6, "rz")))
+    assert where == "member rib, left at 0.600 m, rz"
+    assert (where.thing, where.at, where.detail) == ("member rib, left", "0.600 m", "rz")

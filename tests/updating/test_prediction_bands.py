@@ -9,7 +9,7 @@ from benchmarks.hidden.cases import make_case
 from updating import assessed_fit, build_problem, propose
 from updating.inference import FULL_LINES, ROBUST
 from updating.least_squares import pseudo_huber
-from viz import plot_frf, plot_frf_error
+from viz import draw, error_curves, frf_errors, plot_frf
 
 STEP = 2e-5
 
@@ -99,7 +99,8 @@ def test_an_error_has_no_curve_where_nothing_was_measured(fitted):
     H = np.array(problem.measured.H)
     H[:40] = 0.0
     measured, model = replace(problem.measured, H=H), problem.frf(fit)
-    figure = plot_frf_error(measured, {"fitted": model}, floor=0.01 * np.abs(H))
+    errors, floor = frf_errors(measured, {"fitted": model}, floor=0.01 * np.abs(H))
+    figure = draw(error_curves(measured.frequency, errors, floor=floor))
     (curve,) = (c for c in figure.axes[0].lines if c.get_label() == "fitted")
     y = np.asarray(curve.get_ydata())
     assert np.isnan(y[:40]).all()

@@ -16,7 +16,7 @@ from updating import (
     signature_assurance,
 )
 from viz import correlation as pictures
-from viz import figure_png
+from viz import draw, figure_png
 
 F = np.linspace(2.0, 90.0, 90)
 
@@ -132,10 +132,10 @@ def test_orthogonality_frames_what_is_above_its_limit():
 def test_band_errors_have_a_cell_for_each_sensor_and_band():
     H = np.ones((40, 2, 3), dtype=complex)
     error = band_error(np.arange(40.0), H, H * np.array([1.0, 1.1])[:, None], 4)
-    figure = pictures.plot_band_error(error, ["a", "b"], "relative")
+    figure = draw(pictures.band_error_map(error, ["a", "b"], "relative"))
     words = [text.get_text() for text in figure.axes[0].texts]
     assert [float(w) for w in words] == [0.0] * 4 + [0.1] * 4
     with pytest.raises(ValueError, match="allowed are relative, level_db, log_error"):
-        pictures.plot_band_error(error, ["a", "b"], "energy")
+        pictures.band_error_map(error, ["a", "b"], "energy")
     with pytest.raises(ValueError, match="2 outputs; 1 names"):
-        pictures.plot_band_error(error, ["a"])
+        pictures.band_error_map(error, ["a"])

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from fem import FRF
-from viz import curves, heat_maps, joints, search, style
+from viz import curves, draw, frequencies, heat_maps, joints, search, style
 
 F = np.linspace(1.0, 100.0, 200)
 
@@ -23,13 +23,18 @@ def resonance(frequency, kind="accelerance", n_out=3, n_in=1):
     return FRF.from_arrays(F, h[:, None, None] * amplitude, kind, *names)
 
 
+def error_curves(measured, models, **more):
+    errors, floor = curves.frf_errors(measured, models, **more)
+    return curves.error_curves(measured.frequency, errors, floor=floor)
+
+
 def legend_texts(figure):
     boxes = [*figure.legends, *(ax.get_legend() for ax in figure.axes if ax.get_legend())]
     return [text.get_text() for box in boxes for text in box.get_texts()]
 
 
 def texts(ax):
-    return [text.get_text() for text in ax.texts]
+    return [text.get_text() for text in ax.texts if text.get_text()]
 
 
 @pytest.fixture
@@ -81,10 +86,9 @@ def test_values_that_no_error_is_of_are_pale(measured):
     figure = curves.plot_frf(measured, {}, [("U1z", "F1"), ("U2z", "F1")], compared=compared)
     whole, parted = (figure.axes[k].get_lines() for k in (0, 2))
     assert [line.get_label() for line in whole] == ["measured"]
-    dark, pale = parted
+    pale, dark = parted  # the dark one covers it
     np.testing.assert_array_equal(np.isfinite(dark.get_ydata()), compared[:, 1, 0])
     np.testing.assert_allclose(pale.get_ydata(), np.abs(measured.H[:, 1, 0]))
-    assert pale.get_zorder() < dark.get_zorder()
     assert legend_texts(figure) == ["measured", "measured, not compared"]
 
 
@@ -114,7 +118,7 @@ def test_the_dark_curve_has_a_label_of_choice_in_every_panel():
 
 def test_models_keep_their_colours_in_every_figure(measured):
     both = curves.plot_frf(measured, {"nominal": measured, "fitted": measured}, [("U1z", "F1")])
-    one = curves.plot_frf_error(measured, {"fitted": resonance(41.0)})
+    one = draw(error_curves(measured, {"fitted": resonance(41.0)}))
     assert (
         to_hex(both.axes[0].lines[2].get_color())
         == to_hex(one.axes[0].lines[0].get_color())
@@ -126,7 +130,7 @@ def test_models_keep_their_colours_in_every_figure(measured):
 def test_a_model_ten_per_cent_too_large_has_an_error_of_minus_20_db(measured):
     larger = FRF.from_arrays(F, 1.1 * measured.H, measured.kind, measured.outputs, measured.inputs)
     for smooth in (1, 9):
-        figure = curves.plot_frf_error(measured, {"nominal": larger}, floor=1e-3, smooth=smooth)
+        figure = draw(error_curves(measured, {"nominal": larger}, floor=1e-3, smooth=smooth))
         (line,) = figure.axes[0].lines
         assert np.allclose(line.get_ydata(), -20.0)
     assert figure.axes[0].get_ylabel() == "relative error [dB]"
@@ -135,12 +139,16 @@ def test_a_model_ten_per_cent_too_large_has_an_error_of_minus_20_db(measured):
 
 def test_errors_need_the_measured_lines(measured):
     with pytest.raises(ValueError, match="model 'nominal' has 100 lines, not the 200 measured ones"):
-        curves.plot_frf_error(measured, {"nominal": measured.select(lines=np.arange(0, 200, 2))})
+        error_curves(measured, {"nominal": measured.select(lines=np.arange(0, 200, 2))})
 
 
 def test_misfit_matrix_shows_values_sensors_and_bands():
     values = np.array([[-30.0, -5.0], [np.nan, -12.5], [-20.0, -7.0]])
-    figure = heat_maps.plot_misfit_matrix(values, ["a", "b", "c"], [(10, 20), (20, 40.5)], title="Fitted")
+    figure = draw(
+        heat_maps.error_map(
+            values, ["a", "b", "c"], [(10, 20), (20, 40.5)], quantity="misfit", title="Fitted"
+        )
+    )
     ax, bar = figure.axes
     assert np.allclose(ax.images[0].get_array().filled(np.nan), values, equal_nan=True)
     assert texts(ax) == ["−30.0", "−5.0", "−12.5", "−20.0", "−7.0"]
@@ -151,72 +159,65 @@ def test_misfit_matrix_shows_values_sensors_and_bands():
 
 
 def test_large_misfit_matrices_have_no_numbers():
-    figure = heat_maps.plot_misfit_matrix(np.zeros((66, 5)), [str(k) for k in range(66)], ["b"] * 5)
+    figure = draw(heat_maps.error_map(np.zeros((66, 5)), [str(k) for k in range(66)], ["b"] * 5))
     assert texts(figure.axes[0]) == []
 
 
 def test_matrix_sizes_must_agree():
-    with pytest.raises(ValueError, match=r"shape \(2, 2\) for 3 outputs and 2 bands"):
-        heat_maps.plot_misfit_matrix(np.zeros((2, 2)), ["a", "b", "c"], ["x", "y"])
+    with pytest.raises(ValueError, match=r"shape \(2, 2\) for 3 sensors and 2 bands"):
+        heat_maps.error_map(np.zeros((2, 2)), ["a", "b", "c"], ["x", "y"])
 
 
 def test_ranking_puts_the_best_on_top_and_tells_accepted_from_twins():
-    figure = search.plot_ranking(
-        ["mass", "joint", "crack"], [-12.0, -30.0, -29.5], -10.0, -33.0, {"crack"}, "joint"
+    described = search.ranking(
+        ["mass", "joint", "crack"], [-12.0, -30.0, -29.5], -10.0, twins={2}, accepted=1, floor_db=-33.0
     )
+    figure = draw(described)
     (ax,) = figure.axes
     assert [t.get_text() for t in ax.get_yticklabels()] == ["joint", "crack", "mass"]
-    assert [bar.get_width() for bar in ax.containers[0]] + [c[0].get_width() for c in ax.containers[1:]] == [
-        -20.0,
-        -19.5,
-        -2.0,
-    ]
-    assert to_hex(ax.containers[0][0].get_facecolor()) == style.EFFECT.lower()
-    assert [bool(c[0].get_hatch()) for c in ax.containers] == [False, True, False]
-    assert texts(ax) == ["−30.0", "−29.5", "−12.0"]
+    bars = [bar for bars in ax.containers for bar in bars]
+    assert [bar.get_width() for bar in bars] == [-20.0, -19.5, -2.0]
+    assert to_hex(bars[0].get_facecolor()) == style.EFFECT.lower()
+    assert [bool(bar.get_hatch()) for bar in bars] == [False, True, False]
+    assert texts(ax) == ["noise floor −33.00 dB", "−30.00", "−29.50", "−12.00", "without: −10.00 dB"]
     assert ax.yaxis_inverted()
-    assert legend_texts(figure) == [
-        "accepted",
-        "indistinguishable from it",
-        "other candidates",
-        "without: −10.0 dB",
-        "noise floor: −33.0 dB",
-    ]
+    assert legend_texts(figure) == ["accepted", "indistinguishable from it", "other"]
     assert ax.get_xlabel().endswith("[dB]")
 
 
 def test_long_rankings_say_what_they_leave_out():
-    figure = search.plot_ranking([f"c{k}" for k in range(30)], -np.arange(30.0), 0.0, at_most=8)
-    assert len(figure.axes[0].containers) == 8
-    assert "22 worse candidates not shown" in figure.axes[0].get_xlabel()
+    (ax,) = draw(search.ranking([f"c{k}" for k in range(30)], -np.arange(30.0), 0.0, at_most=8)).axes
+    assert len(ax.get_yticks()) == 8
+    assert "22 worse ones are not shown" in ax.get_xlabel()
 
 
 def test_staircase_prints_every_value_and_the_floor():
     steps = [("nominal", -3.0, -2.5), ("fitted", -14.6, None), ("+ joint", -38.0, -36.0)]
-    figure = search.plot_staircase(steps, -39.5)
+    figure = draw(search.staircase(steps, -39.5, digits=1))
     (ax,) = figure.axes
     assert set(texts(ax)) == {"noise floor −39.5 dB", "−3.0", "−2.5", "−14.6", "−38.0", "−36.0"}
     assert [t.get_text() for t in ax.get_xticklabels()] == ["nominal", "fitted", "+ joint"]
     assert legend_texts(figure) == ["on the lines of the fit", "on held-out lines"]
-    levels = [
-        line.get_ydata()[0]
-        for line in ax.lines
-        if to_hex(line.get_color()) == style.FITTED.lower() and line.get_linewidth() > 2
-    ]
-    assert levels == [-3.0, -14.6, -38.0]
+    drawn = {line.get_label(): line for line in ax.lines}
+    assert list(drawn["on the lines of the fit"].get_ydata()) == [-3.0, -14.6, -38.0]
+    assert ax.get_ylim()[0] < -39.5
 
 
-def test_staircase_without_held_out_lines_needs_no_legend():
-    assert legend_texts(search.plot_staircase([("nominal", -3.0, None), ("fitted", -9.0, None)])) == []
+def test_staircase_without_held_out_lines_has_one_curve():
+    figure = draw(search.staircase([("nominal", 3.0, None), ("fitted", 9.0, None)]))
+    assert legend_texts(figure) == ["on the lines of the fit"]
+    assert figure.axes[0].get_ylim()[0] == 0.0
 
 
 def test_mac_shows_values_and_both_sets_of_modes():
-    figure = heat_maps.plot_mac(
-        [[1.0, 0.1, 0.0], [0.05, 0.93, 0.2]], (["10 Hz", "20 Hz"], ["11 Hz", "21 Hz", "31 Hz"])
-    )
+    figure = draw(frequencies.mac_map([[1.0, 0.1, 0.0], [0.05, 0.93, 0.2]], ["10", "20"], ["11", "21", "31"]))
     ax, bar = figure.axes
     assert texts(ax) == ["1.00", "0.10", "0.00", "0.05", "0.93", "0.20"]
-    assert (ax.get_ylabel(), ax.get_xlabel(), bar.get_ylabel()) == ("measured", "computed", "MAC [-]")
+    assert (ax.get_ylabel(), ax.get_xlabel(), bar.get_ylabel()) == (
+        "measured [Hz]",
+        "computed [Hz]",
+        "MAC [-]",
+    )
     assert ax.images[0].get_clim() == (0, 1)
 
 
@@ -252,22 +253,16 @@ def test_position_marks_the_best_place():
         "floor": -33,
         "member": "lower",
     }
-    figure = search.plot_position(s, error, **more)
+    figure = draw(search.position(s, error, **more))
     (ax,) = figure.axes
     assert ax.get_xlabel() == "place along lower [m]"
     assert ax.get_ylabel() == "error [dB]"
-    assert legend_texts(figure) == [
-        "noise floor",
-        "confidence interval",
-        "without the effect",
-        "with the effect",
-        "best at 0.3 m",
-        "sensors",
-    ]
+    assert legend_texts(figure) == ["with the effect", "best at 0.3 m", "sensors", "confidence interval"]
+    assert texts(ax) == ["noise floor −33.0 dB", "without the effect −9.5 dB"]
 
 
 def test_figures_are_saved_at_their_size_and_as_bytes(tmp_path):
-    figure = search.plot_staircase([("nominal", -3.0, None), ("fitted", -9.0, None)])
+    figure = draw(search.staircase([("nominal", -3.0, None), ("fitted", -9.0, None)]))
     data = style.figure_png(figure, dpi=100)
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     width, height = (int.from_bytes(data[k : k + 4], "big") for k in (16, 20))
@@ -280,9 +275,9 @@ def test_figures_are_saved_at_their_size_and_as_bytes(tmp_path):
 def test_nothing_is_drawn_outside_the_figure(measured):
     for figure in (
         curves.plot_frf(measured, {"nominal": measured}, title="A title", held_out=[(2, 3)]),
-        heat_maps.plot_mac(np.eye(8), ([f"{k} Hz" for k in range(8)],) * 2, title="MAC"),
-        search.plot_ranking(
-            ["a rather long name of a candidate effect on a member"], [-3.0], -1.0, title="Ranking"
+        draw(frequencies.mac_map(np.eye(8), *([f"{k} Hz" for k in range(8)],) * 2, title="MAC")),
+        draw(
+            search.ranking(["a rather long name of a candidate effect on a member"], [-3.0], -1.0, title="R")
         ),
     ):
         style.figure_png(figure, dpi=60)

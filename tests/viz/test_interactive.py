@@ -10,8 +10,8 @@ import pytest
 from fem import FRF, FRFError, Modes, assemble, solve_modes
 from tests.frames import beam, cross_beam, fix
 from updating import Sensor
-from viz import displacement_at, model_surface, style
-from viz.interactive import error, frf, model, modes, solids, theme
+from viz import curves, displacement_at, heat_maps, model_surface, search, style
+from viz.interactive import live, model, modes, solids, theme
 from viz.shapes import amplification, real_shape
 
 NASTY = "a<b>&\"'{x}%{y}$z$"
@@ -34,7 +34,7 @@ def measured():
 
 @pytest.mark.parametrize("pair", [("r1", "f1"), ("r2", "f1"), ("r1", "f2")])
 def test_an_frf_is_shown_in_decibels_and_degrees(measured, pair):
-    figure = frf.frf_figure(measured, {"nominal": measured.as_kind("receptance")}, pair)
+    figure = live.draw(curves.frf(measured, {"nominal": measured.as_kind("receptance")}, pair))
     H = measured.select([pair[0]], [pair[1]]).H[:, 0, 0]
     known = H != 0
     for series in ("measured", "nominal"):  # the model was converted to the measured kind
@@ -53,23 +53,24 @@ def test_an_frf_is_shown_in_decibels_and_degrees(measured, pair):
 def test_amplitudes_are_shown_without_any_phase(measured, coherence):
     bare = replace(measured, H=np.abs(measured.H).astype(complex))
     gamma = None if coherence is None else np.full(bare.H.shape, coherence)
-    figure = frf.frf_figure(bare, {"nominal": measured}, coherence=gamma)
+    figure = live.draw(curves.frf(bare, {"nominal": measured}, coherence=gamma))
     known = {t.meta["quantity"] for t in figure.data if t.meta}
     assert known == ({"magnitude"} if coherence is None else {"magnitude", "coherence"})
-    assert "yaxis2" not in figure.layout.to_plotly_json()
-    assert figure.layout.xaxis.anchor == ("y" if coherence is None else "y3")
+    assert figure.layout.xaxis.anchor == ("y" if coherence is None else "y2")
 
 
 def test_a_phase_has_a_gap_where_it_jumps():
-    f, phase = frf.without_wraps(np.arange(4.0), np.array([170.0, 179.0, -179.0, -170.0]))
+    f, phase = curves.without_wraps(np.arange(4.0), np.array([170.0, 179.0, -179.0, -170.0]))
     assert np.array_equal(f, [0, 1, 2, 2, 3])
     assert np.array_equal(phase, [170, 179, np.nan, -179, -170], equal_nan=True)
 
 
 def test_a_prediction_band_is_that_of_two_sided_95_percent(measured):
     deviation = np.full(measured.H.shape, 0.1)
-    figure = frf.frf_figure(
-        measured, {"with the effect": measured}, ("r1", "f1"), deviations={"with the effect": deviation}
+    figure = live.draw(
+        curves.frf(
+            measured, {"with the effect": measured}, ("r1", "f1"), deviations={"with the effect": deviation}
+        )
     )
     low, high, middle = (
         np.asarray(trace(figure, q, "with the effect").y) for q in ("low", "high", "magnitude")
@@ -80,8 +81,10 @@ def test_a_prediction_band_is_that_of_two_sided_95_percent(measured):
 
 def test_held_out_bands_and_coherence_are_drawn(measured):
     coherence = np.linspace(0.2, 1, measured.H.size).reshape(measured.H.shape)
-    figure = frf.frf_figure(
-        measured, None, ("r2", "f2"), held_out=[(100.0, 120.0), (300.0, 310.0)], coherence=coherence
+    figure = live.draw(
+        curves.frf(
+            measured, None, ("r2", "f2"), held_out=[(100.0, 120.0), (300.0, 310.0)], coherence=coherence
+        )
     )
     assert [(s.x0, s.x1) for s in figure.layout.shapes] == [(100.0, 120.0), (300.0, 310.0)]
     assert np.asarray(trace(figure, "coherence", "measured").y) == pytest.approx(coherence[:, 1, 1], rel=1e-6)
@@ -90,17 +93,17 @@ def test_held_out_bands_and_coherence_are_drawn(measured):
 
 def test_values_that_no_error_is_of_are_in_a_pale_curve_alone(measured):
     compared = np.arange(40)[:, None, None] * np.ones((1, 2, 2)) >= 10
-    figure = frf.frf_figure(measured, None, ("r1", "f1"), compared=compared)
+    figure = live.draw(curves.frf(measured, None, ("r1", "f1"), compared=compared))
     dark, pale = (np.asarray(trace(figure, "magnitude", s).y) for s in ("measured", "measured, not compared"))
     H = measured.H[:, 0, 0]
     assert pale == pytest.approx(20 * np.log10(np.abs(H)), abs=1e-4)
     np.testing.assert_array_equal(np.isfinite(dark), compared[:, 0, 0])
-    assert figure.layout.yaxis.range == frf.frf_figure(measured, None, ("r1", "f1")).layout.yaxis.range
+    assert figure.layout.yaxis.range == live.draw(curves.frf(measured, None, ("r1", "f1"))).layout.yaxis.range
 
 
 def test_curves_differ_in_colour_and_in_line(measured):
     labels = ("nominal", "fitted", "with the effect", "rival: mass")
-    figure = frf.frf_figure(measured, dict.fromkeys(labels, measured))
+    figure = live.draw(curves.frf(measured, dict.fromkeys(labels, measured)))
     lines = [trace(figure, "magnitude", s).line for s in ("measured", *labels)]
     assert len({line.color for line in lines}) == 5
     assert len({(line.dash, line.width) for line in lines}) >= 4
@@ -108,14 +111,14 @@ def test_curves_differ_in_colour_and_in_line(measured):
 
 def test_an_frf_that_is_not_there_is_refused(measured):
     with pytest.raises(FRFError, match=r"there is no \w+ 'r9'"):
-        frf.frf_figure(measured, None, ("r9", "f1"))
+        live.draw(curves.frf(measured, None, ("r9", "f1")))
     with pytest.raises(ValueError, match="at least one is needed"):
-        frf.frf_figure(None)
+        live.draw(curves.frf(None))
 
 
 def test_names_with_tags_stay_text(measured):
     named = FRF.from_arrays(measured.frequency, measured.H, "accelerance", [NASTY, "r2"], ["f1", "f2"])
-    figure = frf.frf_figure(named, {NASTY: named}, (NASTY, "f1"))
+    figure = live.draw(curves.frf(named, {NASTY: named}, (NASTY, "f1")))
     text = figure.to_json()
     assert "a<b>" not in json.dumps([t.name for t in figure.data])
     assert "a<b>" not in figure.layout.title.text.removeprefix("<b>")
@@ -128,11 +131,11 @@ def test_names_with_tags_stay_text(measured):
 
 def test_a_map_has_the_errors_and_answers_with_the_sensor():
     values = np.array([[1.0, 2.0], [np.nan, 4.0], [5.0, 6.5]])
-    figure = error.error_map_figure(values, ["a", NASTY, "c"], [(10, 20), (20, 40)])
+    figure = live.draw(heat_maps.error_map(values, ["a", NASTY, "c"], [(10, 20), (20, 40)]))
     (heat,) = figure.data
     assert np.array_equal(heat.z, values, equal_nan=True)
     assert heat.customdata[1][1] == [NASTY, 20.0, 40.0]
-    assert heat.hovertext[2][1] == "<b>c</b>, 20–40 Hz: 6.50 dB"
+    assert heat.hovertext[2][1] == "c, 20–40 Hz: 6.50 dB"
     assert heat.hovertext[1][0].endswith("nothing compared")
     assert figure.layout.yaxis.range == (2.5, -0.5)  # the first sensor on top
     assert figure.layout.yaxis.ticktext[1] == theme.plain(NASTY)
@@ -141,12 +144,12 @@ def test_a_map_has_the_errors_and_answers_with_the_sensor():
 
 def test_a_map_of_another_shape_is_refused():
     with pytest.raises(ValueError, match=r"shape \(1, 2\) for 2 sensors and 2 bands"):
-        error.error_map_figure([[1, 2]], ["a", "b"], [(1, 2), (2, 3)])
+        live.draw(heat_maps.error_map([[1, 2]], ["a", "b"], [(1, 2), (2, 3)]))
 
 
 def test_the_staircase_has_every_step_and_the_floor():
     steps = [("nominal", 6.0, 7.0), ("fitted", 3.4, 5.1), ("+ spring <k>", 0.7, None)]
-    figure = error.staircase_figure(steps, 0.44)
+    figure = live.draw(search.staircase(steps, 0.44))
     fit, held = figure.data
     assert list(fit.y) == [6.0, 3.4, 0.7]
     assert list(held.y[:2]) == [7.0, 5.1]
@@ -160,8 +163,15 @@ def test_the_staircase_has_every_step_and_the_floor():
 
 def test_bars_of_candidates_run_from_the_error_without_them():
     levels = [2.5, 0.7, 3.0, 0.9]
-    figure = error.ranking_figure(
-        ["b", "best", "worse", "twin"], levels, 2.67, names=["n0", "n1", "n2", "n3"], accepted=1, twins=[3]
+    figure = live.draw(
+        search.ranking(
+            ["b", "best", "worse", "twin"],
+            levels,
+            2.67,
+            names=["n0", "n1", "n2", "n3"],
+            accepted=1,
+            twins=[3],
+        )
     )
     by_name = {t.name: t for t in figure.data}
     assert list(by_name["accepted"].customdata) == ["n1"]
@@ -175,33 +185,33 @@ def test_bars_of_candidates_run_from_the_error_without_them():
 
 
 def test_worse_candidates_are_counted():
-    figure = error.ranking_figure([f"c{k}" for k in range(30)], np.arange(30.0), 40.0, at_most=12)
+    figure = live.draw(search.ranking([f"c{k}" for k in range(30)], np.arange(30.0), 40.0, at_most=12))
     assert sum(len(t.y) for t in figure.data) == 12
     assert "18 worse ones are not shown" in figure.layout.xaxis.title.text
     with pytest.raises(ValueError, match="1 labels and 1 names are given for 2 errors"):
-        error.ranking_figure(["a"], [1, 2], 3)
+        live.draw(search.ranking(["a"], [1, 2], 3))
 
 
 def test_probabilities_are_bars_in_whole_percent():
-    figure = error.probability_figure([("mass & <x>", 0.875), ("unknown", 0.1249), ("other", 1e-5)])
-    (bars,) = figure.data
-    assert list(bars.x) == [0.875, 0.1249, 1e-5]
-    assert list(bars.text) == ["88\u00a0%", "12\u00a0%", "below 1\u00a0%"]
-    assert bars.customdata[0] == "mass & <x>"
+    figure = live.draw(search.probability([("mass & <x>", 0.875), ("unknown", 0.1249), ("other", 1e-5)]))
+    reported, others = figure.data
+    assert [*reported.x, *others.x] == [0.875, 0.1249, 1e-5]
+    assert [*reported.text, *others.text] == ["88\u00a0%", "12\u00a0%", "below 1\u00a0%"]
+    assert reported.customdata[0] == "mass & <x>"
     assert figure.layout.yaxis.ticktext[0] == "mass &amp; &lt;x&gt;"
-    (bars,) = error.probability_figure([("more", 0.6), ("simple", 0.4)], accepted=1).data
-    assert len(set(bars.marker.color)) == 2
-    assert bars.marker.color[1] == figure.data[0].marker.color[0]
+    second, first = live.draw(search.probability([("more", 0.6), ("simple", 0.4)], accepted=1)).data
+    assert (list(second.y), list(first.y)) == ([1], [0])
+    assert second.marker.color == reported.marker.color != first.marker.color
 
 
 def test_errors_by_sensor_are_groups_of_bars():
-    figure = error.error_bars_figure(
-        ["s1", "s2"], {"nominal": [3.0, 4.0], "fitted": [1.0, 2.0]}, floor_db=0.5
+    figure = live.draw(
+        search.error_bars(["s1", "s2"], {"nominal": [3.0, 4.0], "fitted": [1.0, 2.0]}, floor_db=0.5)
     )
-    assert [list(t.y) for t in figure.data] == [[3.0, 4.0], [1.0, 2.0]]
+    assert [list(t.x) for t in figure.data] == [[3.0, 4.0], [1.0, 2.0]]
     assert [t.marker.color for t in figure.data] == [style.NOMINAL, style.FITTED]
     assert list(figure.data[0].customdata) == ["s1", "s2"]
-    assert any(s.type == "line" and s.y0 == 0.5 for s in figure.layout.shapes)
+    assert any(s.type == "line" and s.x0 == 0.5 for s in figure.layout.shapes)
 
 
 # ------------------------------------------------------------------------------------------------------ space
@@ -347,7 +357,7 @@ def test_rigid_body_modes_and_growing_ones_are_named():
 
 
 def test_night_changes_colours_and_nothing_else(measured):
-    figure = frf.frf_figure(measured, {"fitted": measured}, held_out=[(20, 30)])
+    figure = live.draw(curves.frf(measured, {"fitted": measured}, held_out=[(20, 30)]))
     night = theme.at_night(figure)
     assert trace(night, "magnitude", "measured").line.color == theme.NIGHT[style.INK]
     assert night.layout.shapes[0].fillcolor == theme.NIGHT[style.HELD_OUT]
@@ -384,9 +394,9 @@ def test_no_figure_offers_to_send_its_data_away():
 def test_legends_begin_below_the_tool_bar(measured):
     made = (
         model.model_figure(beam(2), places=[solids.MarkedPlace(np.zeros(3), "p", "a place")]),
-        frf.frf_figure(measured, {"nominal": measured}, (measured.outputs[0], measured.inputs[0])),
-        error.staircase_figure([("nominal", 6.0, 7.0), ("fitted", 1.0, 2.0)], 0.5),
-        error.ranking_figure(["a", "b"], [1.0, 2.0], 3.0),
+        live.draw(curves.frf(measured, {"nominal": measured}, (measured.outputs[0], measured.inputs[0]))),
+        live.draw(search.staircase([("nominal", 6.0, 7.0), ("fitted", 1.0, 2.0)], 0.5)),
+        live.draw(search.ranking(["a", "b"], [1.0, 2.0], 3.0)),
     )
     for figure in made:
         legend, height = figure.layout.legend, figure.layout.height
@@ -398,8 +408,8 @@ def test_legends_begin_below_the_tool_bar(measured):
 @pytest.mark.parametrize("title", ["", "a title"])
 def test_figures_without_a_legend_begin_below_the_tool_bar_too(title):
     made = (
-        error.error_map_figure(np.ones((3, 2)), ["a", "b", "c"], [(0, 1), (1, 2)], title=title),
-        error.probability_figure([("a", 0.9), ("b", 0.1)], title=title),
+        live.draw(heat_maps.error_map(np.ones((3, 2)), ["a", "b", "c"], [(0, 1), (1, 2)], title=title)),
+        live.draw(search.probability([("a", 0.9), ("b", 0.1)], title=title)),
     )
     for figure in made:
         assert figure.layout.margin.t >= theme.TOOL_BAR
@@ -407,5 +417,5 @@ def test_figures_without_a_legend_begin_below_the_tool_bar_too(title):
 
 def test_a_long_hypothesis_is_broken_and_not_cut():
     name = "joint stiffness: joint J, about x and joint viscous damping: joint J"
-    (shown,) = error.probability_figure([(name, 1.0)]).layout.yaxis.ticktext
+    (shown,) = live.draw(search.probability([(name, 1.0)])).layout.yaxis.ticktext
     assert shown.replace("<br>", " ") == name

@@ -133,7 +133,7 @@ def place_named(effect: Effect) -> tuple[str, bool]:
     member = getattr(effect, "member", None)
     if isinstance(member, str):
         return member, True
-    return effect.where.rpartition(",")[0] or effect.where, False
+    return effect.where.thing, False
 
 
 def _shares(problem: FitProblem, result: FitResult, candidates: Sequence[Effect]) -> NDArray[np.float64]:

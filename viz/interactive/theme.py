@@ -2,7 +2,7 @@
 
 import html
 from base64 import b64encode
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -143,54 +143,6 @@ def axis(title: str = "", **more: Any) -> dict[str, Any]:
         "automargin": True,
         **more,
     }
-
-
-def named_axis(names: Sequence[str], title: str = "", **more: Any) -> dict[str, Any]:
-    """Return an axis with one tick for each name; names are text as plotly reads it."""
-    places = {"tickvals": list(range(len(names))), "ticktext": list(names), "showgrid": False, "ticks": ""}
-    return axis(title, **places | more)
-
-
-def rows_axis(names: Sequence[str], title: str = "", **more: Any) -> dict[str, Any]:
-    """Return an upright axis with a row for each name, the first one at the top."""
-    return named_axis(names, title, range=[len(names) - 0.5, -0.5], **more)
-
-
-def heat_map(values: NDArray[Any], title: str, cmap: Any, low: float, high: float) -> dict[str, Any]:
-    """Return values (rows, columns) as the trace of a heat map; ``title`` names its colour bar."""
-    n, m = values.shape
-    return {
-        "type": "heatmap",
-        "z": single(values),
-        "zmin": low,
-        "zmax": high,
-        "x": list(range(m)),
-        "y": list(range(n)),
-        "xgap": 1,
-        "ygap": 1,
-        "hoverinfo": "text",
-        "colorscale": colour_scale(cmap),
-        "colorbar": {"title": {"text": title, "side": "right"}, "thickness": 12, "outlinewidth": 0},
-    }
-
-
-def shaded(bands: Iterable[tuple[float, float]]) -> list[dict[str, Any]]:
-    """Return the rectangles that mark bands of frequency over the full height."""
-    return [
-        {
-            "type": "rect",
-            "xref": "x",
-            "yref": "paper",
-            "x0": low,
-            "x1": high,
-            "y0": 0,
-            "y1": 1,
-            "fillcolor": style.HELD_OUT,
-            "line": {"width": 0},
-            "layer": "below",
-        }
-        for low, high in bands
-    ]
 
 
 def key(name: str, colour: str) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Explanations of the data with their values, and the probability of each hypothesis."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dovetail.report.blocks import Block, Heading, TableBlock
 from dovetail.report.probable import hypotheses, reported
@@ -11,6 +11,7 @@ from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:
     from dovetail.report.shown import Shown
+    from viz.picture import Picture
 
 MOST_PRINTED = 12
 """Explanations that are printed."""
@@ -57,9 +58,9 @@ def page(d: Verdict, shown: "Shown") -> list[Block]:
     return [Heading("How probable"), drawn, every]
 
 
-def figure(d: Verdict) -> Any:
-    """Return the interactive plotly figure of the probabilities; None without any."""
-    from viz.interactive.error import probability_figure
+def figure(d: Verdict) -> "Picture | None":
+    """Return the figure of the probabilities; None without any."""
+    from viz.search import probability
 
     known = hypotheses(d)
-    return probability_figure(known, accepted=reported(d)) if known else None
+    return probability(known, accepted=reported(d)) if known else None

@@ -11,12 +11,12 @@ from dovetail.report.table import Column, Table
 from dovetail.result import RunResult, by_frfs
 from fem.summary import percent
 from updating.diagnosis.mode_table import Floats, ModeTable
-from updating.diagnosis.reported_modes import ReportedModes
 from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:
-    from dovetail.report.drawings import Album, Figures
+    from dovetail.report.drawings import Album
     from dovetail.report.shown import Shown
+    from viz.picture import Picture
 
 DEVIATIONS = (
     "Computed less measured natural frequencies, mode by mode. The bars around zero are two standard "
@@ -102,40 +102,34 @@ def page(result: RunResult[Verdict], shown: "Shown") -> list[Block | None]:
     ]
 
 
-def add_figures(result: RunResult[Verdict], out: "Figures") -> None:
-    """Add the interactive figures."""
-    from viz.interactive.frequencies import deviations_figure, mac_figure
+def deviations(result: RunResult[Verdict]) -> "Picture | None":
+    """Return the figure of the deviations; None without measured modes."""
+    from viz import frequencies
+
+    m = result.measured_modes
+    return m and frequencies.deviations(m.measured, m.std, steps(result.diagnosis, m), m.held_out)
+
+
+def mac(result: RunResult[Verdict]) -> "Picture | None":
+    """Return the figure of modal assurance criteria; None without measured shapes."""
+    from viz.frequencies import mac_map
 
     m, reported = result.measured_modes, result.reported
-    if m is None:
-        return
-    models = steps(result.diagnosis, m)
-    out.add("deviations", lambda: deviations_figure(m.measured, m.std, models, held_out=m.held_out))
-    if reported is not None and (mac := reported.mac) is not None:
-        out.add("mac", lambda: mac_figure(mac, *_names(m, reported)))
+    if m is None or reported is None or reported.mac is None:
+        return None
+    computed = reported.modes.frequency[reported.modes.n_rigid :]
+    return mac_map(reported.mac, [f"{f:.4g}" for f in m.measured], [f"{f:.4g}" for f in computed])
 
 
 def draw(result: RunResult[Verdict], album: "Album") -> None:
     """Draw the still pictures."""
-    from viz import frequencies, heat_maps
-
     m, reported = result.measured_modes, result.reported
     if m is None:
         return
-    models = steps(result.diagnosis, m)
-    alt = (
-        f"Deviations of the natural frequencies of {', '.join(models)} from {len(m.measured)} measured ones."
-    )
-    album.plot(
-        "deviations", alt, DEVIATIONS, frequencies.plot_deviations, m.measured, m.std, models, m.held_out
-    )
-    if reported is not None and (mac := reported.mac) is not None:
-        alt = f"Modal assurance criteria of {len(mac)} measured shapes with {mac.shape[1]} computed ones."
-        axes = "measured [Hz]", "computed [Hz]"
-        album.plot("mac", alt, MAC, heat_maps.plot_mac, mac, _names(m, reported), axes)
-
-
-def _names(m: ModeTable, reported: ReportedModes) -> tuple[list[str], list[str]]:
-    """Return measured and computed natural frequencies as names of modes [Hz]."""
-    computed = reported.modes.frequency[reported.modes.n_rigid :]
-    return [f"{f:.4g}" for f in m.measured], [f"{f:.4g}" for f in computed]
+    models = ", ".join(steps(result.diagnosis, m))
+    alt = f"Deviations of the natural frequencies of {models} from {len(m.measured)} measured ones."
+    album.plot("deviations", alt, DEVIATIONS, lambda: deviations(result))
+    if reported is not None and reported.mac is not None:
+        n, k = reported.mac.shape
+        alt = f"Modal assurance criteria of {n} measured shapes with {k} computed ones."
+        album.plot("mac", alt, MAC, lambda: mac(result))

@@ -15,6 +15,7 @@ from updating.diagnosis.findings import Ranked
 
 if TYPE_CHECKING:
     from dovetail.report.shown import Shown
+    from viz.picture import Picture
 
 HEADS = [
     "candidate",
@@ -65,29 +66,16 @@ def caption(d: Diagnosis, k: int) -> str:
     )
 
 
-def figure(d: Diagnosis, k: int) -> Any:
-    """Return the interactive plotly figure of a round's residual levels; None of one without candidates."""
-    from viz.interactive.error import ranking_figure
+def figure(d: Diagnosis, k: int) -> "Picture | None":
+    """Return the figure of a round's residual levels; None of one without candidates."""
+    from viz.search import ranking
 
     ranked, (accepted, twins) = d.rounds[k], _accepted(d, k)
     if not ranked:
         return None
     names, levels = [r.name for r in ranked], [r.level * DB_PER_NEPER for r in ranked]
     more: dict[str, Any] = {"names": names, "twins": twins, "accepted": accepted}
-    return ranking_figure(labels(ranked), levels, _before(d, k), xlabel=words.level_label(d), **more)
-
-
-def picture(d: Diagnosis, k: int) -> Any:
-    """Return the still figure of a round's residual levels."""
-    from viz.search import plot_ranking
-
-    ranked, (accepted, twins) = d.rounds[k], _accepted(d, k)
-    names, levels = labels(ranked), [r.level * DB_PER_NEPER for r in ranked]
-    marked: dict[str, Any] = {
-        "twins": {names[i] for i in twins},
-        "accepted": None if accepted is None else names[accepted],
-    }
-    return plot_ranking(names, levels, _before(d, k), xlabel=words.level_label(d), **marked)
+    return ranking(labels(ranked), levels, _before(d, k), xlabel=words.level_label(d), **more)
 
 
 def table(ranked: Sequence[Ranked], k: int) -> Table:

@@ -15,7 +15,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from viz.picture import Picture
 
 WORDS: dict[str, dict[str, Any]] = {
     "dB": {
@@ -99,23 +99,9 @@ def block(d: Verdict, held_out: Mapping[str, tuple[float, ...]] | None = None) -
     return TableBlock(head, rows, numbers=range(1, len(head)))
 
 
-def options(d: Verdict) -> dict[str, Any]:
-    """Return words and digits of the figure, interactive or still."""
-    return {"unit": d.stairs.unit, "digits": digits(d), **WORDS[d.stairs.unit]}
+def figure(d: Verdict, **more: Any) -> "Picture":
+    """Return the figure; more as :func:`viz.search.staircase`."""
+    from viz.search import staircase
 
-
-def figure(d: Verdict, **more: Any) -> Any:
-    """Return the interactive plotly figure; more as :func:`viz.interactive.error.staircase_figure`."""
-    from viz.interactive.error import staircase_figure
-
-    return staircase_figure(steps(d), d.stairs.floor, **options(d), **more)
-
-
-def picture(d: Verdict) -> "Figure":
-    """Return the still figure."""
-    from viz.search import plot_staircase
-
-    drawn = plot_staircase(steps(d), d.stairs.floor, **options(d))
-    low, high = drawn.axes[0].get_ylim()
-    drawn.axes[0].set_ylim(low, high + 0.17 * (high - low))  # room for the legend over the last step
-    return drawn
+    unit = d.stairs.unit
+    return staircase(steps(d), d.stairs.floor, unit=unit, digits=digits(d), **WORDS[unit], **more)

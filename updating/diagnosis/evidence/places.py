@@ -36,18 +36,16 @@ class Place:
         joint, support, end, point, member, instrument or structure.
     name : str
         Unique, such as ``"joint J"`` or ``"member U at 0.60 m"``.
+    parent : str
+        Name of what holds it: the member of a point along it, or itself.
     effects : tuple of Effect
         Candidates that act there, those with a position at it.
     """
 
     kind: str
     name: str
+    parent: str
     effects: tuple[Effect, ...]
-
-    @property
-    def parent(self) -> str:
-        """Name of what holds it: the member of a point along it, or itself."""
-        return self.name.split(" at ")[0]
 
 
 def place_of(effect: Effect) -> tuple[str, str]:
@@ -80,20 +78,20 @@ def places_of(problem: Problem[Any], candidates: Iterable[Effect]) -> tuple[Plac
 
     Those with a position are at ``ALONG`` points of their member.
     """
-    found: dict[str, tuple[str, list[Effect]]] = {}
+    found: dict[str, tuple[str, str, list[Effect]]] = {}
     mesh = problem.reduced.model.mesh
     for effect in candidates:
         kind, name = place_of(effect)
         span = next((p for p in effect.parameters() if p.position), None)
         member = getattr(effect, "member", None)
         if span is None or member is None:
-            found.setdefault(name, (kind, []))[1].append(effect)
+            found.setdefault(name, (kind, name, []))[2].append(effect)
             continue
         for s in (np.arange(ALONG) + 0.5) / ALONG * mesh.member_length(member):
             at = f"{name} at {s:.3f} m"
             inside = float(np.clip(s, span.lower, span.upper))
-            found.setdefault(at, ("point", []))[1].append(effect.with_values(**{span.name: inside}))
-    return tuple(Place(kind, name, tuple(effects)) for name, (kind, effects) in found.items())
+            found.setdefault(at, ("point", name, []))[2].append(effect.with_values(**{span.name: inside}))
+    return tuple(Place(kind, at, name, tuple(effects)) for at, (kind, name, effects) in found.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
