@@ -16,7 +16,7 @@ Where the first state says that the model lacks something, δ is no constant: se
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -30,7 +30,8 @@ from fem.system import assemble
 from updating.diagnosis.baseline import calibrate, judged
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.carried import CHANGED
-from updating.diagnosis.evidence.diagnosis import search_progress
+from updating.diagnosis.evidence.diagnosis import Searched, search_progress
+from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import (
@@ -42,6 +43,7 @@ from updating.diagnosis.mode_diagnosis import (
     searched_modes,
 )
 from updating.diagnosis.mode_table import HALF
+from updating.inference.belief import TWIN_NATS
 from updating.inference.carried_modes import CarriedModes
 from updating.inference.common_errors import CommonErrors
 from updating.inference.defaults import EXPLAINED_LEVEL
@@ -256,7 +258,7 @@ def diagnose_change(
     else:
         say("calibrating on the first state", 0.0)
         baseline = judged(calibrate(model, before, nuisances, **more), kinds, exclude, say=say)
-    ways = []
+    ways: list[tuple[Searched[ModeProblem], Calibrated]] = []
     for base, weight in zip(baseline.bases, baseline.log_weights - baseline.log_weights[0], strict=True):
         changed, problem = second_state(base, after, changes, **more)
         # What gives way in both states already is no candidate: it would not be absent where it is rigid.
@@ -270,12 +272,22 @@ def diagnose_change(
             search_progress(say, start_time),
             ranking=ModeRanking(),
             beforehand=float(weight) + problem.log_density,
+            seeds=_found_beside(way for way, _ in ways),
         )
         ways.append((searched_modes(search, changed, say), base))
     ways.sort(key=lambda way: -way[0].best.score)
     (done, base), *others = ways
     out = concluded(replace(done, otherwise=tuple(other for other, _ in others)), start_time)
     return replace(out, notes=(*_notes_on(baseline, base), *out.notes), baseline=base, judged=baseline)
+
+
+def _found_beside(ways: Iterable[Searched[ModeProblem]]) -> tuple[Hypothesis, ...]:
+    """Return what changes the data as probably as the best does, beside other models of the first state."""
+    best: dict[frozenset[str], Hypothesis] = {}
+    for way in ways:
+        every = [h for h in way.search.known.values() if h.effects and h.score > way.best.score - TWIN_NATS]
+        best = {h.key: h for h in every} | best
+    return tuple(best.values())
 
 
 def _worst(base: Calibrated) -> str:

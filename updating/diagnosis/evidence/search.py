@@ -199,6 +199,9 @@ class Search(Generic[P]):
         How much is tried.
     say : callable
         Is told each score, for those who work on the search.
+    seeds : tuple of Hypothesis
+        Of searches on the same data beside another model: where one of them explains the data here as well,
+        the search goes on from it.
     elsewhere : list of Hypothesis
         Further maxima of those in ``known``: the same effects at other positions.
     promised : dict
@@ -216,6 +219,7 @@ class Search(Generic[P]):
     beforehand: InitVar[float] = 0.0
     budget: Budget = NORMAL
     say: Say = lambda text: None
+    seeds: tuple[Hypothesis, ...] = ()
 
     fits: Fits[P] = field(init=False)
     places: tuple[Place, ...] = field(init=False)
@@ -256,6 +260,7 @@ class Search(Generic[P]):
         # The form of one that is far from the data is bent, and not searched on from.
         best = best if self.fits.is_far(best) else self.with_enriched_basis(best)
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.fits.floor:.4f}")
+        best = self._from_seeds(best)
         beam, visited, n_back, n_more = [best], {best.key}, 0, self.budget.n_rounds
         while beam and n_more:
             n_more -= 1
@@ -284,6 +289,16 @@ class Search(Generic[P]):
             for h in beam[:1]:
                 self.say(f"=> {h.score:.1f}, level {h.fitted.level:.4f}: {h.name}")
             yield best
+
+    def _from_seeds(self, nothing: Hypothesis) -> Hypothesis:
+        """Return the best seed if it explains the data here, or a hypothesis without effects."""
+        names = {e.name for e in self.candidates}
+        for h in self.seeds:
+            if h.key <= names:
+                self.full(h.effects, values_of(h.effects), nothing)
+        if not self.best.effects or not self.explains(self.best):
+            return nothing
+        return self.with_enriched_basis(self.swapped(self.best))
 
     def promises(self) -> list[Promised]:
         """Return what was not fitted, as probable as its forecast makes it."""
