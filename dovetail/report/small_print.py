@@ -32,8 +32,7 @@ MODULES = (
 MODULES_OF_MODES = (
     "updating.inference.belief",
     "updating.diagnosis.evidence.search",
-    "updating.diagnosis.evidence.screening",
-    "updating.diagnosis.evidence.mode_ranking",
+    "updating.diagnosis.evidence.ranking",
     "updating.inference.mode_changes",
     "updating.diagnosis.verdict",
     "updating.diagnosis.mode_table",

@@ -121,6 +121,21 @@ def test_what_the_data_do_not_see_keeps_its_prior(prepared):
     assert (forecast.log_evidence <= np.maximum(forecast.best_gains, 0.0) + 1e-9).all()
 
 
+def test_size_that_the_data_refuse_is_less_probable_than_before(prepared):
+    """Of effects with one sign whose best size is none, though a plausible one would be seen."""
+    problem, null, candidates = prepared
+    forecast = Forecast.at(problem, null, candidates)
+    refused = []
+    for k, little in enumerate(forecast.littles):
+        rows = forecast.owner == k
+        sharp = (little.most * forecast.precision[rows]).min() > 30.0
+        if little.grid.one_sided() and sharp and (forecast.factor[rows] == 0).all():
+            refused.append(k)
+    assert len(refused) > 3
+    assert (forecast.log_evidence[refused] < -0.1).all()
+    assert forecast.best_gains[refused] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_log_share_of_sizes_is_the_integral_over_the_prior(prepared):
     """Of sizes between two of any order of magnitude, density 1 / (x ln(most / least))."""
     problem, _, candidates = prepared

@@ -10,7 +10,9 @@ from updating.diagnosis import weigh_unfitted
 from updating.diagnosis.evidence import ModeRanking, Search, values_of
 from updating.forecast import Forecast
 from updating.inference import EffectPrior, ModeProblem
+from updating.inference.joint_fit import JointLevels
 from updating.least_squares import ModeLevels
+from updating.least_squares.levels import Levels
 
 
 @pytest.mark.parametrize(
@@ -28,19 +30,28 @@ def test_the_mass_of_a_prior_is_the_integral_of_its_density(prior):
     assert prior.mass(high, low) == pytest.approx(exact, rel=1e-9)
 
 
-def test_costs_of_many_levels_are_those_of_each():
-    levels = ModeLevels.up_to(
-        np.arange(2),
-        np.array([5.0, 7.0]),
-        np.array([5.0, 8.0]),
-        np.array([1e-6, 4e-6]),
-        np.ones(2),
-        np.ones(2),
-        0.015,
-    )
+TWO_READINGS = ModeLevels.up_to(
+    np.arange(2),
+    np.array([5.0, 7.0]),
+    np.array([5.0, 8.0]),
+    np.array([1e-6, 4e-6]),
+    np.ones(2),
+    np.ones(2),
+    0.015,
+)
+TWO_BANDS = Levels(np.array([30.0, 50.0]), np.array([1e-5, 2e-5]), np.array([2e-6, 4e-6]))
+
+
+@pytest.mark.parametrize(
+    "levels", [TWO_READINGS, TWO_BANDS, JointLevels(TWO_BANDS, TWO_READINGS)], ids=["modes", "frf", "both"]
+)
+def test_costs_of_many_levels_are_those_of_each(levels):
     v = np.array([[1e-6, 3e-6], [5e-5, 1e-4], [2e-3, 1e-6]])
+    v = np.tile(v, (1, len(levels.noise) // 2))
     assert levels.costs(v) == pytest.approx([levels.cost(each) for each in v])
     assert levels.weight(v) == pytest.approx(np.array([levels.weight(each) for each in v]))
+    assert levels.is_bad(v) == pytest.approx(np.array([levels.is_bad(each) for each in v]))
+    assert levels.believed.is_bad(v) == pytest.approx(np.zeros_like(v))
 
 
 def begun(kinds, seed=0):

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.modes import Modes, first_modes
+from fem.analysis.modes import first_modes
 from fem.model import Model
 from fem.system import assemble
-from updating.correlation import mac
+from updating.correlation import pair_modes
 from updating.diagnosis.separation import BAND_BEYOND
 
 FURTHER = 5
@@ -43,9 +43,17 @@ def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) 
         one, two = (first_modes(assemble(m, reciprocal=False), n + FURTHER) for m in models)
     except (np.linalg.LinAlgError, ValueError):
         return ()
-    pairs = _pairs(one, two)
+    rigid = one.n_rigid
+    alike = pair_modes(
+        one.frequency[rigid:],
+        one.shapes[:, rigid:],
+        two.frequency,
+        two.shapes,
+        frequency_spread=None,
+        n_rigid=two.n_rigid,
+    )
     proposals: list[tuple[float, str]] = []
-    for i, j in pairs:
+    for i, j in sorted((rigid + i, j) for i, j in alike.pairs):
         f, g = one.frequency[i], two.frequency[j]
         if f > BAND_BEYOND * top:
             continue
@@ -56,17 +64,6 @@ def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) 
         proposals.append(_shape(base, np.real(one.shapes[:, i]), np.real(two.shapes[:, j]), f))
     proposals = sorted((t for t in proposals if t[0] >= 2.0), key=lambda t: -t[0])
     return tuple(text for _, text in proposals[:N_PROPOSALS])
-
-
-def _pairs(one: Modes, two: Modes) -> list[tuple[int, int]]:
-    """Return elastic modes that are most alike over all DOFs."""
-    like = mac(one.shapes, two.shapes)
-    out = []
-    for i in range(one.n_rigid, one.n_modes):
-        j = int(np.argmax(like[i]))
-        if j >= two.n_rigid and like[i, j] > 0.5:
-            out.append((i, j))
-    return out
 
 
 def _shape(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import ParameterRef
+from fem.recent import Recent
 from fem.reduction.scaling import scale_factors
 from fem.reduction.series import negative, terms_in_series
 from fem.reduction.terms import ReducedTerm
@@ -31,6 +32,8 @@ from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
 
+N_RECENT = 3
+"""Changes that are kept for other looks: on a grid, and little ones."""
 SMALL = 1e-9
 """What the data say of a nuisance parameter is no less than this share of it: of two that do the same [-]."""
 
@@ -127,6 +130,8 @@ class Look(Generic[P, C]):
     all_belong : bool
         Whether changes are weighted as if no reading were a bad one: those that seem so may be what is
         missing.
+    recent : Recent
+        The last changes, which looks that weight them otherwise ask for next.
     """
 
     problem: P
@@ -141,6 +146,7 @@ class Look(Generic[P, C]):
     prior_of: tuple[ParameterRef, ...]
     off: Floats
     all_belong: bool = False
+    recent: Recent = field(default_factory=lambda: Recent(N_RECENT), repr=False)
     # By the nuisance parameters that an effect replaces.
     _projections: dict[tuple[ParameterRef, ...], Floats] = field(default_factory=dict, init=False, repr=False)
 
@@ -212,7 +218,7 @@ class Look(Generic[P, C]):
 
     def with_all_readings(self) -> "Look[P, C]":
         """Return the look with changes weighted as if no reading were a bad one."""
-        return replace(self, all_belong=True)
+        return replace(self, all_belong=True, recent=self.recent)
 
     @property
     def base(self) -> FitResult:
@@ -317,9 +323,14 @@ class Look(Generic[P, C]):
 
     def _changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of all residuals, (n_points, m); NaN where impossible."""
-        beat()
-        terms = candidate_terms(self.problem, self.base, grid)
-        return self.residuals.by_terms(grid.effect.released(), terms)
+
+        def made() -> Complexes:
+            beat()
+            terms = candidate_terms(self.problem, self.base, grid)
+            return self.residuals.by_terms(grid.effect.released(), terms)
+
+        out: Complexes = self.recent.get((grid.effect, tuple(tuple(p.items()) for p in grid.points)), made)
+        return out
 
     def costs(self, r: Complexes) -> Floats:
         """Return the negative log posterior of residuals (n, m + n_all), (n,)."""

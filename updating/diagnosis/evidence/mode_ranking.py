@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -10,13 +9,10 @@ import numpy as np
 from fem.model import Effect
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.ranking import Ranking
-from updating.diagnosis.evidence.scan import Scanned
+from updating.diagnosis.evidence.scan import Scanned, scanned
 from updating.forecast.look import Floats, Look
 from updating.inference.belief import EFFECT_ODDS
 from updating.inference.fit_result import FitResult
-
-N_PAIRED = 8
-"""Number of the best connections of which pairs are made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,19 +40,13 @@ class ModeRanking(Ranking):
         for row in np.flatnonzero(there).tolist():
             rows_of.setdefault(places[effects[row][0]].name, []).append(row)
         least = 1 - EFFECT_ODDS / max(0.5 * float(y @ y), 1e-300)
-        found = [
-            Scanned((p,), _residual_ratio(y, slopes[rows_of[p.name]])) for p in places if p.name in rows_of
-        ]
-        singles = sorted((s for s in found if s.residual_ratio < least), key=lambda s: s.residual_ratio)
-        connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")]
-        connections = [s for s in connections if "," not in s.name][:N_PAIRED]
-        pairs = []
-        for one, two in combinations(connections, 2):
-            rows = [*rows_of[one.name], *rows_of[two.name]]
-            both = Scanned((*one.places, *two.places), _residual_ratio(y, slopes[rows]))
-            if both.residual_ratio < 0.9 * min(one.residual_ratio, two.residual_ratio):
-                pairs.append(both)
-        return tuple(sorted([*singles, *pairs], key=lambda s: s.residual_ratio))
+
+        def ratio(together: Sequence[Place]) -> float:
+            rows = [row for p in together for row in rows_of.get(p.name, ())]
+            left = _residual_ratio(y, slopes[rows]) if rows else np.inf
+            return left if left < least else np.inf
+
+        return scanned(places, ratio)
 
     def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> None:
         """Return None: :mod:`updating.diagnosis.unfitted` weighs them."""

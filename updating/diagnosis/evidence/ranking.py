@@ -10,7 +10,7 @@ from fem.model import Effect
 from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.scan import Scan, Scanned
-from updating.diagnosis.evidence.screening import Screened, look_at, looks_near, screen, screen_near
+from updating.diagnosis.evidence.screening import Screened, look_at, looks_at, screen, screen_near
 from updating.diagnosis.evidence.shortlist import MOST_PLACES, rivals, shortlist
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
@@ -151,7 +151,7 @@ def screened_near(
     deserves = promised > 0.0
     deserves[[i for i in order if np.isfinite(promised[i])][:n_looked]] = True
     kept = [i for i in order if deserves[i]]
-    looked = screen_near(looks_near(problem, current), [grids[i] for i in kept], gains[kept])
+    looked = screen_near(looks_at(problem, current), [grids[i] for i in kept], gains[kept], n_looked)
     number = {g.effect.name: i for i, g in enumerate(grids)}
     out = []
     for s in looked:

@@ -4,7 +4,7 @@ With forces free at a place, H_measured - H_fitted = A(ω) T(ω) B(ω)ᵀ with A
 motions or forces there: the direct solution of joint identification, line by line, used as a localiser.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -19,6 +19,10 @@ from updating.inference.fit_result import FitResult
 
 SCAN_LINES = 24
 """Lines at which places are looked at."""
+N_PAIRED = 8
+"""Number of the best connections of which pairs are made."""
+PAIR_RATIO = 0.9
+"""A pair counts where it leaves less than this part of what the better of the two leaves [-]."""
 LEVEL = 0.05
 """Misfit in parts of the receptances up to which nothing is gained [-]."""
 
@@ -45,6 +49,29 @@ class Scanned:
     def name(self) -> str:
         """Names of the places."""
         return " and ".join(p.name for p in self.places)
+
+
+def scanned(places: Sequence[Place], ratio: Callable[[Sequence[Place]], float]) -> tuple[Scanned, ...]:
+    """Return places and the pairs of the best connections that explain more than each of the two, best first.
+
+    Parameters
+    ----------
+    places : sequence of Place
+    ratio : callable
+        Gives the residual ratio of one place or of two together; infinite for what is left out.
+    """
+    singles = sorted((Scanned((p,), ratio((p,))) for p in places), key=lambda s: s.residual_ratio)
+    singles = [s for s in singles if np.isfinite(s.residual_ratio)]
+    connections = [
+        s for s in singles if s.places[0].kind in ("joint", "support", "end") and "," not in s.name
+    ]
+    pairs = []
+    for one, two in combinations(connections[:N_PAIRED], 2):
+        together = *one.places, *two.places
+        both = Scanned(together, ratio(together))
+        if both.residual_ratio < PAIR_RATIO * one.residual_ratio:
+            pairs.append(both)
+    return tuple(sorted([*singles, *pairs], key=lambda s: s.residual_ratio))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,26 +124,17 @@ class Scan:
             None if data.phase else np.ascontiguousarray(along.conj().transpose(0, 2, 1)),
         )
 
-    def run(self, places: Sequence[Place], n_pairs: int = 8) -> tuple[Scanned, ...]:
+    def run(self, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return all places and the pairs of the best connections, the best first."""
         shapes = dict(zip((p.name for p in places), map(self._seen, self.reach.of(places)), strict=True))
         none = self._mean_square(None)
-        singles = []
-        for place in places:
-            A = shapes[place.name]
-            if A.size and A.shape[3] < A.shape[2]:
-                singles.append(Scanned((place,), self._mean_square(A) / none))
-        singles.sort(key=lambda s: s.residual_ratio)
-        connections = [s for s in singles if s.places[0].kind in ("joint", "support", "end")]
-        connections = [s for s in connections if "," not in s.name][:n_pairs]
-        pairs = []
-        for one, two in combinations(connections, 2):
-            A = np.concatenate([shapes[one.name], shapes[two.name]], axis=3)
-            if 2 * A.shape[3] <= A.shape[2]:
-                both = Scanned((*one.places, *two.places), self._mean_square(A) / none)
-                if both.residual_ratio < 0.9 * min(one.residual_ratio, two.residual_ratio):
-                    pairs.append(both)
-        return tuple(sorted([*singles, *pairs], key=lambda s: s.residual_ratio))
+
+        def ratio(together: Sequence[Place]) -> float:
+            A = np.concatenate([shapes[p.name] for p in together], axis=3)
+            most = A.shape[2] - 1 if len(together) == 1 else A.shape[2] // 2
+            return self._mean_square(A) / none if A.size and A.shape[3] <= most else np.inf
+
+        return scanned(places, ratio)
 
     def _seen(self, A: Complexes) -> Complexes:
         """Return what forces do to what was measured: of amplitudes two columns for each complex force."""

@@ -20,9 +20,6 @@ N_FULL_BAND, N_LOW, N_DAMPED = 44, 24, 24
 MOST_VALUES = 700
 """Largest number of values of FRFs that are used, in the full band and in the low one."""
 
-LEAST_GRIDS = 3
-"""Number of the best by linear changes that are evaluated in any case."""
-
 OUTDONE, N_COARSE = 30.0, 6
 """Near the data a candidate is not looked at on its grid if it gains so much less than another one [nats]: as
 far as all is linear, or on so many of its points."""
@@ -103,12 +100,12 @@ def screen(
 
 
 def screen_near(
-    looks: Sequence[Look[Any, Any]], grids: Sequence[Grid], linear: Floats
+    looks: Sequence[Look[Any, Any]], grids: Sequence[Grid], linear: Floats, least: int
 ) -> tuple[Screened, ...]:
     """Return the candidates that can be the best addition to a fit near the data, by their gains.
 
-    They are looked at in the order of what they gain if all is ``linear``; infinite are the gains of those
-    that are looked at on few points of their grids first.
+    They are looked at in the order of what they gain if all is ``linear``, at ``least`` so many; infinite are
+    the gains of those that are looked at on few points of their grids first.
     """
     best, out = -np.inf, []
     for at_once in (True, False):
@@ -118,19 +115,13 @@ def screen_near(
             if not at_once:
                 few = Grid(grid.effect, grid.points[:: max(1, len(grid.points) // N_COARSE)])
                 gain = max(look.cost_now - float(look.levels(few)[0].min()) for look in looks)
-            if gain < best - OUTDONE and len(out) >= LEAST_GRIDS:
+            if gain < best - OUTDONE and len(out) >= least:
                 continue
             each = [min(best_starts(look, grid), key=lambda start: start[0]) for look in looks]
-            by_gain = sorted(
-                (
-                    (look.cost_now - cost, k)
-                    for k, (look, (cost, _)) in enumerate(zip(looks, each, strict=True))
-                ),
-                reverse=True,
-            )
-            if np.isfinite(by_gain[0][0]):
-                starts = tuple(each[k][1] for gain, k in by_gain if np.isfinite(gain))
-                out.append(Screened(grid.effect, starts, by_gain[0][0]))
+            gained = np.array([look.cost_now - cost for look, (cost, _) in zip(looks, each, strict=True)])
+            if np.isfinite(gained).any():
+                order = [int(k) for k in np.argsort(-gained, kind="stable") if np.isfinite(gained[k])]
+                out.append(Screened(grid.effect, tuple(each[k][1] for k in order), float(gained[order[0]])))
                 best = max(best, out[-1].gain)
     return tuple(sorted(out, key=lambda each: -each.gain))
 
@@ -148,13 +139,8 @@ def look_at(problem: Problem[Any], base: FitResult, *, far: bool = False) -> Loo
     return looks_at(problem, base, far=far)[0]
 
 
-def looks_at(problem: Problem[Any], base: FitResult, *, far: bool) -> tuple[Look[Any, Any], ...]:
+def looks_at(problem: Problem[Any], base: FitResult, *, far: bool = False) -> tuple[Look[Any, Any], ...]:
     """Return the same with the look that takes no reading for a bad one; see :meth:`Look.several`."""
     if problem.has_broad_resonances:  # few lines, and the full band is as good as a low one
         return Look.several(problem, base, N_DAMPED, 0, MOST_VALUES)
     return Look.several(problem, base, N_FULL_BAND, N_LOW if far else 0, MOST_VALUES)
-
-
-def looks_near(problem: Problem[Any], base: FitResult) -> tuple[Look[Any, Any], ...]:
-    """Return looks at candidates from a fit that is near the data."""
-    return Look.several(problem, base, N_FULL_BAND, 0, MOST_VALUES)

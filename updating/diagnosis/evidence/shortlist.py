@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from updating.diagnosis.evidence.hypothesis import Start
-from updating.diagnosis.evidence.screening import Screened, looks_near
+from updating.diagnosis.evidence.screening import Screened, looks_at
 from updating.forecast.forecast import MOST_VALUES as MOST_VALUES_LISTED
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
@@ -37,8 +37,9 @@ def rivals(
         grids = [grids[i] for i in shortlist(problem, (without,), grids, n_listed)]
     # measured by its own grid, which is as coarse as those of the others
     replaced, found = Grid.of(problem, best.effects[-1]), dict[int, tuple[float, int]]()
-    for look in looks_near(problem, without):
+    for look in looks_at(problem, without):
         cost = float(look.levels(replaced)[0].min(initial=np.inf))
+        cost = cost if np.isfinite(cost) else look.cost_now  # what its grid does not show does nothing
         for i, grid in enumerate(grids):
             more = look.levels(grid)[0] - cost
             k = int(np.argmin(more))
