@@ -1,5 +1,7 @@
 """Changes between two states of one structure by their modes: what the states have in common."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -191,3 +193,16 @@ def test_a_change_is_looked_for_beside_what_both_states_lack(poor, more):
         assert d.found[0].mass == pytest.approx(more, rel=0.2)
     else:
         assert d.verdict == "nothing missing"
+
+
+def test_beside_a_second_cause_the_search_begins_with_what_was_found_beside_the_first(poor):
+    after = cantilever(mass=0.3).with_effect(AddedMass(name="later", point=5, mass=0.05))
+    after = frequencies(after, np.random.default_rng(7))
+    twice = replace(poor, bases=(poor.bases[0],) * 2, log_weights=np.zeros(2))
+    d = diagnose_change(
+        cantilever(), twice, after, UNCERTAIN, kinds=["point_mass", "stiffness_loss"], model_error=0.0
+    )
+    (again,) = d.searched.otherwise
+    assert {h.key for h in again.search.known.values()} <= {h.key for h in d.searched.search.known.values()}
+    assert again.best.key == d.searched.best.key
+    assert again.best.score == pytest.approx(d.searched.best.score, abs=0.1)
