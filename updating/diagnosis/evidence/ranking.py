@@ -21,6 +21,9 @@ from updating.inference.form_scatter import FormScatter
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
 
+N_LOOKED = 3
+"""Number of the best candidates by linear changes that are looked at on their grids in any case."""
+
 Against = Callable[[Effect], float]
 """Prior odds against an effect, as a logarithm: what it must gain."""
 RankedBlocks = Callable[[Sequence[tuple[Effect, ...]]], list[tuple[Block, ...]]]
@@ -56,7 +59,7 @@ class Ranking:
 
     breadth: int = 8
     n_listed: int = 20
-    n_looked: int = 3
+    n_looked: int = N_LOOKED
     form_share: float = 1.0
     precise_looks: bool = True
 
@@ -82,7 +85,9 @@ class Ranking:
         """
         grids = [g for e in effects if (g := Grid.of(problem, e)).points]
         if against is not None:
-            return self._screened_near(problem, current, grids, against)
+            forecasts = Forecast.several(problem, current, grids, n_places=MOST_PLACES)
+            odds = np.array([against(g.effect) for g in grids])
+            return screened_near(problem, current, forecasts, odds, self.n_looked)
         nominal = problem.at_nominal(current)
         unbent = problem.has_broad_resonances or nominal.values == current.values
         bases = (current,) if unbent else (current, nominal)
@@ -97,33 +102,6 @@ class Ranking:
         None where those that were not fitted are weighed otherwise.
         """
         return Forecast.at(problem, current, effects, n_places=MOST_PLACES).log_evidence
-
-    def _screened_near(
-        self, problem: Any, current: FitResult, grids: Sequence[Grid], against: Against
-    ) -> tuple[Screened, ...]:
-        """Return all candidates: those that may win as their grids have them, the others by the forecast."""
-        forecasts = Forecast.several(problem, current, grids, n_places=MOST_PLACES)
-        linear = np.max([f.best_gains for f in forecasts], axis=0)
-        evidence = np.max([f.log_evidence for f in forecasts], axis=0)
-        # What has no slope is no small change: a look decides.
-        has_slope = forecasts[0].look.residuals.has_slope
-        gains = np.where([has_slope(g.effect) for g in grids], linear, np.inf)
-        promised = gains - np.array([against(g.effect) for g in grids])
-        order = [int(i) for i in np.argsort(-promised, kind="stable")]
-        deserves = promised > 0.0
-        deserves[[i for i in order if np.isfinite(promised[i])][: self.n_looked]] = True
-        kept = [i for i in order if deserves[i]]
-        looked = screen_near(looks_at(problem, current), [grids[i] for i in kept], gains[kept], self.n_looked)
-        number = {g.effect.name: i for i, g in enumerate(grids)}
-        out = []
-        for s in looked:
-            i = number.pop(s.effect.name)
-            more = s.gain - max(float(linear[i]), 0.0)
-            out.append(replace(s, log_evidence=float(evidence[i]) + more))
-        return (
-            *out,
-            *(Screened(grids[i].effect, (), float(linear[i]), float(evidence[i])) for i in number.values()),
-        )
 
     def blocks(self, problem: Any, current: FitResult, *, far: bool) -> RankedBlocks:
         """Return what puts groups of effects with starts in order, the most promising first.
@@ -146,3 +124,44 @@ class Ranking:
         ``size`` is that of the shifts of eigenvalues; the middle of what it may be unless given.
         """
         return problem.small_deviations(result, size, self.form_share)
+
+
+def screened_near(
+    problem: Any, current: FitResult, forecasts: Sequence[Forecast], against: Floats, least: int = N_LOOKED
+) -> tuple[Screened, ...]:
+    """Return all candidates: those that may win as their grids have them, the others by the forecast.
+
+    Parameters
+    ----------
+    problem : Problem
+    current : FitResult
+        A fit near the data.
+    forecasts : sequence of Forecast
+        At the fit, by one look or several: as of :meth:`Forecast.several`.
+    against : ndarray (n_candidates,)
+        What each candidate must gain [nats].
+    least : int
+        Number of the best that are looked at in any case.
+    """
+    grids = [little.grid for little in forecasts[0].littles]
+    linear = np.max([f.best_gains for f in forecasts], axis=0)
+    evidence = np.max([f.log_evidence for f in forecasts], axis=0)
+    # What has no slope is no small change: a look decides.
+    has_slope = forecasts[0].look.residuals.has_slope
+    gains = np.where([has_slope(g.effect) for g in grids], linear, np.inf)
+    promised = gains - against
+    order = [int(i) for i in np.argsort(-promised, kind="stable")]
+    deserves = promised > 0.0
+    deserves[[i for i in order if np.isfinite(promised[i])][:least]] = True
+    kept = [i for i in order if deserves[i]]
+    looked = screen_near(looks_at(problem, current), [grids[i] for i in kept], gains[kept], least)
+    number = {g.effect.name: i for i, g in enumerate(grids)}
+    out = []
+    for s in looked:
+        i = number.pop(s.effect.name)
+        more = s.gain - max(float(linear[i]), 0.0)
+        out.append(replace(s, log_evidence=float(evidence[i]) + more))
+    return (
+        *out,
+        *(Screened(grids[i].effect, (), float(linear[i]), float(evidence[i])) for i in number.values()),
+    )
