@@ -156,7 +156,7 @@ def _ranked(
     if far:
         screened = Ranking().screened(problem, base, effects, lambda e: False, far=True)
     else:
-        screened = screened_near(problem, base, [forecast], against, Ranking().n_looked)
+        screened = screened_near(problem, base, [forecast], against)
     solved = {s.effect.name: s for s in screened if s.starts}
     linear = forecast.best_gains
     gains = np.array([solved[e.name].gain if e.name in solved else linear[k] for k, e in enumerate(effects)])

@@ -21,6 +21,9 @@ from updating.inference.form_scatter import FormScatter
 MOST_GRIDS = 100
 """Number of candidates above which a first-order estimate makes a short list."""
 
+N_LOOKED = 3
+"""Number of the best candidates by linear changes that are looked at on their grids in any case."""
+
 Against = Callable[[Effect], float]
 """Prior odds against an effect, as a logarithm: what it must gain."""
 RankedBlocks = Callable[[Sequence[tuple[Effect, ...]]], list[tuple[Block, ...]]]
@@ -56,7 +59,7 @@ class Ranking:
 
     breadth: int = 8
     n_listed: int = 20
-    n_looked: int = 3
+    n_looked: int = N_LOOKED
     form_share: float = 1.0
     precise_looks: bool = True
 
@@ -83,8 +86,8 @@ class Ranking:
         grids = [g for e in effects if (g := Grid.of(problem, e)).points]
         if against is not None:
             forecasts = Forecast.several(problem, current, grids, n_places=MOST_PLACES)
-            enough = np.array([against(g.effect) for g in grids])
-            return screened_near(problem, current, forecasts, enough, self.n_looked)
+            odds = np.array([against(g.effect) for g in grids])
+            return screened_near(problem, current, forecasts, odds, self.n_looked)
         nominal = problem.at_nominal(current)
         unbent = problem.has_broad_resonances or nominal.values == current.values
         bases = (current,) if unbent else (current, nominal)
@@ -124,7 +127,7 @@ class Ranking:
 
 
 def screened_near(
-    problem: Any, current: FitResult, forecasts: Sequence[Forecast], against: Floats, n_looked: int
+    problem: Any, current: FitResult, forecasts: Sequence[Forecast], against: Floats, least: int = N_LOOKED
 ) -> tuple[Screened, ...]:
     """Return all candidates: those that may win as their grids have them, the others by the forecast.
 
@@ -132,13 +135,13 @@ def screened_near(
     ----------
     problem : Problem
     current : FitResult
-        A fit near the data, at which the forecasts are.
+        A fit near the data.
     forecasts : sequence of Forecast
-        Of the same candidates.
+        At the fit, by one look or several: as of :meth:`Forecast.several`.
     against : ndarray (n_candidates,)
         What each candidate must gain [nats].
-    n_looked : int
-        How many are looked at in any case.
+    least : int
+        Number of the best that are looked at in any case.
     """
     grids = [little.grid for little in forecasts[0].littles]
     linear = np.max([f.best_gains for f in forecasts], axis=0)
@@ -149,9 +152,9 @@ def screened_near(
     promised = gains - against
     order = [int(i) for i in np.argsort(-promised, kind="stable")]
     deserves = promised > 0.0
-    deserves[[i for i in order if np.isfinite(promised[i])][:n_looked]] = True
+    deserves[[i for i in order if np.isfinite(promised[i])][:least]] = True
     kept = [i for i in order if deserves[i]]
-    looked = screen_near(looks_at(problem, current), [grids[i] for i in kept], gains[kept], n_looked)
+    looked = screen_near(looks_at(problem, current), [grids[i] for i in kept], gains[kept], least)
     number = {g.effect.name: i for i, g in enumerate(grids)}
     out = []
     for s in looked:
