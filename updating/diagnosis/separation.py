@@ -1,20 +1,31 @@
 """What tells two explanations of the same data apart: in these data, and in data that could be taken next."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
+from fem.analysis.frf import FRF
 from fem.model import Model, parameter_values
-from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.referred import References
-from updating.correlation import DB_PER_NEPER, log_ratio
+from updating.correlation import DB_PER_NEPER
+from updating.forecast.forecast import MOST_COMPARED
+from updating.forecast.information import ExpectedGains, Information, without
+from updating.forecast.look import Look
 from updating.inference.fit import FitProblem
-from updating.inference.fit_data import SYSTEMATIC_FROM
+from updating.inference.fit_data import FitData
+from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
-from updating.measurement.measurement import Sensor, directed_of
+from updating.inference.form_scatter import FormScatter
+from updating.inference.frf_function import FrfFunction
+from updating.inference.heartbeat import beat
+from updating.inference.preparation import prepared_like
+from updating.inference.scatter import form_scatter, with_channels
+from updating.least_squares.levels import Levels
+from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+from updating.measurement.measurement import STRAIN, Measurement, Sensor, directed_of
 
 N_COMPARED_LINES = 60
 """Lines at which predictions are compared."""
@@ -24,6 +35,10 @@ MOST_PLACES = 120
 """Approximate largest number of places that are tried."""
 MOST_CHANNELS = 8
 """Largest number of present sensors that count for a new force."""
+QUIET_SHARE = 0.1
+"""New channels have the noise that no more than this share of the present values is below [-]."""
+N_AT_ONCE = 24
+"""Number of new channels whose slopes are kept at once."""
 BAND_BEYOND = 1.5
 """The band is tried up to this multiple of the present one."""
 
@@ -52,7 +67,7 @@ class Proposal:
         Root mean square difference of the two predictions' amplitudes [dB].
     evidence : float
         Expected gain of the log likelihood ratio once the wrong one of the two has been fitted again to all
-        data [nepers]; 3 is a ratio of 20 to 1.
+        data [nats]; 3 is a ratio of 20 to 1.
     """
 
     kind: str
@@ -122,46 +137,39 @@ def next_measurements(
 ) -> tuple[Proposal, ...]:
     """Return the measurements that would best separate two fits, at most ``most`` of each kind.
 
-    Both predict the new FRFs; d is the difference of their logarithms. Part of it the second would follow by
-    moving its parameters, whose posterior covariance is C and by which its prediction changes with J. With an
-    error level s of the data, what remains is ½ dᵀ (s² I + J C Jᵀ)⁻¹ d, the expected log likelihood ratio
-    (Lindley, Ann. Math. Stat. 27, 1956, in the linear case). Lines count as in the fits
-    (:class:`updating.least_squares.levels.Levels`).
+    The first predicts the new FRFs. The second follows them with all that may vary, as far as the present
+    data leave it free. What remains beside the present residuals gives the expected log likelihood ratio
+    (Lindley, Ann. Math. Stat. 27, 1956, in the linear case), by the code that plans a test
+    (:mod:`updating.forecast.information`). Channels have noise as the present ones have, and an unknown gain.
 
     Parameters
     ----------
     problem : FitProblem
     first, second : FitResult
-        The second is the one that is thought wrong; its covariance is used.
+        The second is the one that is thought wrong.
     most : int
         How many of each kind.
     """
-    model = problem.reduced.model
+    model, m = problem.reduced.model, problem.data.measurement
     places = places_along(model)
-    new = np.zeros((model.n_dof, 3 * len(places)))
-    for k, (point, _) in enumerate(places):
-        new[6 * point : 6 * point + 3, 3 * k : 3 * k + 3] = np.eye(3)
-    outputs, inputs = problem.vectors
-    references, behind = problem.references[:2]
+    new = tuple(
+        Sensor(f"new {point}{axis}", model.mesh.points[point], np.eye(3)[k])
+        for point, _ in places
+        for k, axis in enumerate("xyz")
+    )
     f = problem.data.frequency
     band = (float(f[0]), float(f[-1]))
     lines = np.linspace(*band, N_COMPARED_LINES)
-    predict = _Prediction(problem, first, second)
+    told = _Separated.of(problem, first, second)
     found: list[Proposal] = []
-
-    # Present forces, measured at new places; by reciprocity also new forces, measured by present sensors.
-    step = max(1, outputs.shape[1] // MOST_CHANNELS)
-    for kind, columns in (("sensor", inputs), ("excitation", outputs[:, ::step])):
-        # A new force would be measured: its FRFs refer to no sensor.
-        refer = references.behind(new.shape[1]) if references and kind == "sensor" else None
-        d, evidence = predict.compare(np.hstack([new, behind]) if refer else new, columns, lines, refer)
-        taken = _present(problem, kind)
+    for kind, present in (("sensor", m.sensors), ("excitation", m.excitations)):
+        d, evidence = told.by_new_channels(kind, new, lines)
         ranked = []
         for k in np.argsort(-evidence, kind="stable"):
             point, place = places[k // 3]
             axis = np.eye(3)[k % 3]
             xyz = model.mesh.points[point]
-            if not np.isfinite(evidence[k]) or _is_there(taken, xyz, axis, model.mesh.size):
+            if not np.isfinite(evidence[k]) or _is_there(present, xyz, axis, model.mesh.size):
                 continue
             where = f"{place}, along {'xyz'[k % 3]}"
             at, along = tuple(map(float, xyz)), tuple(map(float, axis))
@@ -170,13 +178,10 @@ def next_measurements(
                 break
         found += ranked
     higher = (band[1], BAND_BEYOND * band[1])
-    every, lines = np.hstack([outputs, behind]), np.linspace(*higher, N_COMPARED_LINES // 2)
-    d, evidence = predict.compare(every, inputs, lines, references)
-    good = np.isfinite(evidence)
-    if good.any():
+    d_db, gain = told.by_higher_band(np.linspace(*higher, N_COMPARED_LINES // 2))
+    if np.isfinite(gain):
         where = f"the present channels from {higher[0]:.4g} to {higher[1]:.4g} Hz"
-        rms = float(np.sqrt((d[good] ** 2).mean()))
-        found.append(Proposal("band", where, (), (), higher, rms, float(evidence[good].sum())))
+        found.append(Proposal("band", where, (), (), higher, d_db, gain))
     return tuple(sorted(found, key=lambda p: -p.evidence))
 
 
@@ -200,11 +205,6 @@ def places_along(model: Model) -> list[tuple[int, str]]:
     return out
 
 
-def _present(problem: FitProblem, kind: str) -> Sequence[Sensor]:
-    m = problem.data.measurement
-    return m.sensors if kind == "sensor" else m.excitations
-
-
 def _is_there(sensors: Sequence[Sensor], xyz: Floats, axis: Floats, size: float) -> bool:
     return any(
         np.linalg.norm(s.point - xyz) < 0.02 * size and abs(float(s.direction @ axis)) > 0.9
@@ -213,82 +213,252 @@ def _is_there(sensors: Sequence[Sensor], xyz: Floats, axis: Floats, size: float)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Prediction:
+class _Separated:
+    """What new data would tell of two fits to the present ones.
+
+    Attributes
+    ----------
+    problem : FitProblem
+    fits : (FitResult, FitResult)
+        The second follows what the first predicts.
+    deviations : (FormScatter or None, FormScatter or None)
+        Small deviations that each fit has, without those of channels.
+    known : ndarray (u, u)
+        Precision of the second fit's unknowns but for errors of channels, by the present data.
+    n_fixed : int
+        How many of them are parameters and damping; deviations of the modes follow.
+    bands : ndarray of int (n_groups,)
+        Band of each group of present residuals.
+    sizes : ndarray (n_groups,)
+        Numbers of these in a fit.
+    levels : Levels
+        Of these.
+    left : (ndarray (n_groups,), ndarray (n_groups,))
+        Mean squares of the present residuals of each fit.
+    """
+
     problem: FitProblem
-    first: FitResult
-    second: FitResult
+    fits: tuple[FitResult, FitResult]
+    deviations: tuple[FormScatter | None, FormScatter | None]
+    known: Floats
+    n_fixed: int
+    bands: NDArray[np.int64]
+    sizes: Floats
+    levels: Levels
+    left: tuple[Floats, Floats]
 
-    def compare(
-        self, outputs: Floats, inputs: Floats, frequency: Floats, references: References | None
-    ) -> tuple[Floats, Floats]:
-        """Return for each output the difference [dB] and the evidence [nepers]; NaN where nothing moves.
-
-        The last outputs are those that the first refer to.
-        """
-        p, n_par = self.problem, len(self.second.values)
-        H1, _ = self._frf(self.first, outputs, inputs, frequency, references, slopes=False)
-        H2, J = self._frf(self.second, outputs, inputs, frequency, references, slopes=True)
-        assert J is not None
-        size = np.sqrt((np.abs(H1 * frequency[:, None, None] ** 2) ** 2).mean(axis=(0, 2)))
-        d: Complexes = log_ratio(H1, H2)
-        n_independent = p.n_independent()
-        reach = (frequency[-1] - frequency[0]) / p.data.frequency[-1]
-        # The data's own error level: new channels count as the present ones do.
-        misfit = min(self.first.level, self.second.level) ** 2
-        noise = (SYSTEMATIC_FROM * p.data.noise_level) ** 2
-        n_in = inputs.shape[1]
-        n, count = n_independent * reach * n_in / max(p.data.H.shape[2], 1), FULL_LINES * reach * n_in
-        levels = p.likelihood(*(np.array([x]) for x in (n, count, noise)))
-        s2 = d[:, 0].size / float(levels.weight(np.array([misfit]))[0])
-        covariance = self.second.covariance[:n_par, :n_par]
-        std = np.sqrt(covariance.diagonal())
-        units = np.outer(*2 * (np.where(std > 0, std, 1.0),))
-        A = np.linalg.pinv(covariance / units, hermitian=True) / units
-        out_d, out_e = np.full(len(size), np.nan), np.full(len(size), np.nan)
-        for i in range(len(size)):
-            di, Ji = d[:, i].ravel(), J[:, :, i].reshape(n_par, -1)
-            if size[i] < 1e-3 * size.max() or not np.isfinite(di).all():
-                continue
-            real, slopes = np.concatenate([di.real, di.imag]), np.hstack([Ji.real, Ji.imag])
-            real = np.clip(real, -1.0, 1.0)  # a shifted resonance counts once, not by its height
-            part = slopes @ real / s2
-            information = A + slopes @ slopes.T / s2
-            size_of = np.sqrt(np.maximum(information.diagonal(), 1e-300))  # each parameter in its own unit
-            scaled = information / np.outer(size_of, size_of) + 1e-12 * np.eye(n_par)
-            remaining = real @ real / s2 - (part / size_of) @ np.linalg.solve(scaled, part / size_of)
-            out_d[i] = np.sqrt((di.real**2).mean()) * DB_PER_NEPER
-            out_e[i] = 0.5 * max(float(remaining), 0.0)
-        return out_d, out_e
-
-    def _frf(
-        self,
-        fit: FitResult,
-        outputs: Floats,
-        inputs: Floats,
-        frequency: Floats,
-        references: References | None,
-        *,
-        slopes: bool,
-    ) -> tuple[Complexes, Complexes | None]:
-        p, refs = self.problem.with_forces_of(fit), list(fit.values)
-        engine = ParametricFRF(
-            p.reduced,
-            outputs,
-            inputs,
-            frequency,
-            refs,
-            fit.effects,
-            viscous=p.viscous,
-            references=references,
+    @classmethod
+    def of(cls, problem: FitProblem, first: FitResult, second: FitResult) -> "_Separated":
+        """Look at the present data from where the second fit is."""
+        fits = (first, second)
+        scatter = tuple(form_scatter(problem, fit, fit.size) for fit in fits)
+        looks = tuple(
+            Look.of(
+                replace(problem.with_forces_of(fit), scatter=each),
+                fit,
+                N_COMPARED_LINES,
+                0,
+                MOST_COMPARED,
+                bounded=False,
+            )
+            for fit, each in zip(fits, scatter, strict=True)
         )
-        zeta = p.damping.ratio(frequency, fit.zeta)
-        values = np.array([fit.values[r] for r in refs])
-        H, dH, _ = engine.evaluate(values, zeta, gradient=slopes)
-        if dH is None:
-            return H, None
-        starts = [parameter_values(e) for e in fit.effects]
-        function = p.function(fit.effects, starts, np.zeros(0, dtype=np.int64))
-        slope_of = {v.ref: v.slope(v.to_x(fit.values[v.ref])) / v.size for v in function.variables}
-        scale = np.array([slope_of[r] for r in refs])
-        safe = np.where(H != 0, H, 1.0)
-        return H, scale[:, None, None, None] * dH / safe
+        look = looks[1]
+        J = look.slopes * np.sqrt(look.trust)
+        n_channels = 0 if scatter[1] is None else scatter[1].n_channels
+        J = np.roll(J, n_channels, axis=0)
+        known = without(J @ J.T, np.zeros((n_channels, n_channels)))
+        lines = problem.lines_up_to(np.inf, FULL_LINES)
+        count = problem.data.mask[lines].sum(axis=(1, 2))
+        sizes = np.bincount(problem.band_of(lines), count)
+        return cls(
+            problem,
+            fits,
+            tuple(None if s is None else replace(s, channels=None) for s in scatter),
+            known,
+            len(look.prior_of) + len(problem.damping.start),
+            np.flatnonzero(sizes),
+            sizes[sizes > 0],
+            look.likelihood,
+            tuple(pseudo_huber(each.now, ROBUST) @ each.share for each in looks),
+        )
+
+    def by_new_channels(self, kind: str, new: Sequence[Sensor], frequency: Floats) -> tuple[Floats, Floats]:
+        """Return for each new sensor, or force, the difference [dB] and the evidence [nats]; NaN in noise."""
+        m, groups = self.problem.data.measurement, self._groups(frequency)
+        others = m.excitations if kind == "sensor" else m.sensors
+        some = others[:: max(1, len(others) // MOST_CHANNELS)] if kind == "excitation" else others
+        # one channel among those that there are, each line with as many values as before
+        n_lines = np.bincount(groups, minlength=len(self.sizes))
+        full = len(self.problem.lines_up_to(np.inf, FULL_LINES)) * n_lines / n_lines.sum()
+        sizes = self.sizes + full * len(others)
+        share = full * len(others) / np.maximum(n_lines * len(some), 1) / sizes
+        levels = self.problem.likelihood(self.levels.n, sizes, self.levels.noise)
+        # beside both fits new residuals are as those of the first
+        mixed = (self.sizes * self.left[1] + full * len(others) * self.left[0]) / sizes
+        now = self.levels.cost(self.left[1]) - self.levels.cost(self.left[0])
+        more = levels.cost(mixed) - levels.cost(self.left[0]) - now
+        out, u = np.full((2, len(new)), np.nan), len(self.known)
+        here = np.repeat(groups, len(some))
+        for first in range(0, len(new), N_AT_ONCE):
+            beat()
+            chunk = tuple(new[first : first + N_AT_ONCE])
+            ends = (chunk, some) if kind == "sensor" else (some, chunk)
+            d, slopes, weight, of = self._predicted(*ends, frequency, self.deviations)
+            if not weight.any():
+                continue
+            if kind == "excitation":
+                d, slopes, weight = (np.swapaxes(x, -1, -2) for x in (d, slopes, weight))
+                of = of - len(some)
+            for k in range(len(chunk)):
+                w = weight[:, k].ravel()
+                if not (w > 0).any():
+                    continue
+                # beside its own errors, those of the present channels are known
+                unknown = np.r_[:u, u + np.flatnonzero(of == k)]
+                rows = np.vstack([slopes[unknown, :, k].reshape(len(unknown), -1), d[:, k].reshape(1, -1)])
+                known = block_diag(self.known, np.eye(len(unknown) - u))
+                out[:, first + k] = self._evidence(rows, w, here, known, levels, mixed, share)
+        return out[0], np.maximum(out[1] + more, 0.0)
+
+    def by_higher_band(self, frequency: Floats) -> tuple[float, float]:
+        """Return the difference [dB] and the evidence [nats] of the present channels in another band."""
+        m, problem = self.problem.data.measurement, self.problem
+        scatter = form_scatter(self._with_data(m.sensors, m.excitations, frequency), self.fits[1])
+        scatter = None if scatter is None else replace(scatter, channels=None)
+        d, slopes, weight, of = self._predicted(m.sensors, m.excitations, frequency, (None, scatter))
+        n, slopes = self.n_fixed, slopes[: len(slopes) - len(of)]
+        # which modes deviate there is another question than which do here
+        order = np.r_[n : len(self.known), :n]
+        known = without(self.known[np.ix_(order, order)], np.zeros((len(self.known) - n,) * 2))
+        known = block_diag(known, np.eye(len(slopes) - n))
+        reach = (frequency[-1] - frequency[0]) / problem.data.frequency[-1]
+        size = np.array([FULL_LINES * reach * d[0].size])
+        mean = (self.sizes / self.sizes.sum()) @ np.stack([self.levels.noise, self.left[0]], axis=1)
+        levels = problem.likelihood(np.array([problem.n_independent() * reach]), size, mean[:1])
+        rows, w = np.vstack([slopes.reshape(len(slopes), -1), d.reshape(1, -1)]), weight.ravel()
+        if not (w > 0).any():
+            return np.nan, np.nan
+        here, share = np.zeros(len(w), dtype=np.int64), np.array([1 / len(w)])
+        return self._evidence(rows, w, here, known, levels, mean[1:], share)
+
+    def _groups(self, frequency: Floats) -> NDArray[np.int64]:
+        """Return the present group that each new line is in, or the next one."""
+        data = replace(self.problem.data, frequency=frequency)
+        found = replace(self.problem, data=data).band_of(np.arange(len(frequency)))
+        return np.minimum(np.searchsorted(self.bands, found), len(self.bands) - 1)
+
+    @staticmethod
+    def _evidence(
+        rows: Complexes,
+        weight: Floats,
+        group: NDArray[np.int64],
+        known: Floats,
+        levels: Levels,
+        level: Floats,
+        share: Floats,
+    ) -> tuple[float, float]:
+        """Return the difference [dB] and the expected gain [nats] of new values, (m,).
+
+        ``rows`` (u + 1, m) are what unknowns do to the weighted residuals and, last, these, and ``share``
+        (n_groups,) what each counts for the mean square of its group.
+        """
+        worth = levels.weight(level)
+        root = np.sqrt((worth * share)[group] * pseudo_huber_weight(rows[-1], ROBUST))
+        flat = np.hstack([rows.real * root, rows.imag * root])
+        both = np.tile(group, 2)
+        by_group = np.array([flat[:, both == g] @ flat[:, both == g].T for g in range(len(worth))])
+        found = Information(by_group, known).beyond(1)
+        squares = found.squares / worth
+        gain = ExpectedGains(levels, level).gains(np.ones(1), squares, found.known)[0]
+        seen = weight > 0
+        difference = rows[-1].real[seen] / weight[seen]
+        return float(np.sqrt((difference**2).mean()) * DB_PER_NEPER), float(gain)
+
+    def _predicted(
+        self,
+        sensors: Sequence[Sensor],
+        excitations: Sequence[Sensor],
+        frequency: Floats,
+        deviations: Sequence[FormScatter | None],
+    ) -> tuple[Complexes, Complexes, Floats, NDArray[np.int64]]:
+        """Return weighted residuals of the second fit in what the first predicts, slopes, and weights.
+
+        (n_freq, n_out, n_in), (u, n_freq, n_out, n_in) and (n_freq, n_out, n_in), and the channels of whose
+        errors the last slopes are, excitations behind sensors.
+        """
+        lines, present = np.arange(len(frequency)), self.problem.data.measurement
+        number = {id(c): k for k, c in enumerate((*present.sensors, *present.excitations))}
+
+        def function_of(k: int, problem: FitProblem) -> tuple[FrfFunction, Floats]:
+            fit, small = self.fits[k], deviations[k]
+            if len(fit.channels):
+                zero = np.zeros((1, fit.channels.shape[1]))
+                rows = [number.get(id(c), -1) for c in (*sensors, *excitations)]
+                fit = replace(fit, channels=np.vstack([fit.channels, zero])[rows])
+            there = problem.with_forces_of(fit)
+            small = with_channels(there, fit, small)
+            function = replace(there, scatter=small).function(
+                fit.effects, [parameter_values(e) for e in fit.effects], lines
+            )
+            return function, function.moved_to(fit)
+
+        problem = self._with_data(sensors, excitations, frequency)
+        function, x = function_of(0, problem)
+        H = function.receptance(x)
+        data = self._as_measured(problem, H) if H.any() else replace(problem.data, mask=H != 0)
+        problem = replace(problem, data=data)
+        function, x = function_of(1, problem)
+        keep = problem.data.mask
+        r, J = function(x, True)
+        assert J is not None
+        d, slopes = np.zeros(keep.shape, dtype=complex), np.zeros((len(J), *keep.shape), dtype=complex)
+        d[keep], slopes[:, keep] = r, J
+        channels = None if function.scatter is None else function.scatter.channels
+        of = np.zeros(0, dtype=np.int64) if channels is None else channels.of
+        return d, slopes, np.where(keep, problem.data.weight, 0.0), of
+
+    def _with_data(
+        self, sensors: Sequence[Sensor], excitations: Sequence[Sensor], frequency: Floats
+    ) -> FitProblem:
+        """Return a problem with other channels and lines, whose data are none."""
+        p, m = self.problem, self.problem.data.measurement
+        shape = (len(frequency), len(sensors), len(excitations))
+        outputs, inputs = ([s.name for s in part] for part in (sensors, excitations))
+        base = [name for name in m.frf.base if name in inputs]
+        strain = tuple(s.name for s in sensors if s.quantity == STRAIN)
+        one = np.ones(shape)
+        frf = FRF.from_arrays(frequency, one + 0j, m.frf.kind, outputs, inputs, base, strain)
+        test = Measurement(frf, tuple(sensors), tuple(excitations), phase=m.phase, errors=m.errors)
+        none = np.zeros(len(frequency), dtype=bool)
+        data = FitData(test, frequency, one + 0j, one > 0, one, 0 * one, none)
+        return replace(p, data=data, modes=None, scatter=None)
+
+    def _as_measured(self, problem: FitProblem, H: Complexes) -> FitData:
+        """Return data with receptances, as noisy as the present motions by the same forces.
+
+        A part of the noise is in proportion to the response, another one the same at all lines.
+        """
+        test, present, f = problem.data.measurement, self.problem.data, problem.data.frequency
+        motion = [s.quantity != STRAIN for s in present.measurement.sensors]
+        known = (present.mask & (present.H != 0))[:, motion]
+        share = present.noise[:, motion]
+        added = (np.abs(present.H) * present.frequency[:, None, None] ** 2)[:, motion] * share
+
+        def quiet(inputs: Sequence[int]) -> tuple[float, float]:
+            here = known[:, :, inputs]
+            if not here.any():
+                return 0.0, 0.0
+            one, two = (float(np.quantile(x[:, :, inputs][here], QUIET_SHARE)) for x in (share, added))
+            return one, two
+
+        number = {name: [k] for k, name in enumerate(present.measurement.frf.inputs)}
+        every = list(range(known.shape[2]))
+        parts = np.array([quiet(number.get(name, every)) for name in test.frf.inputs])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scatter = np.hypot(parts[:, 0], parts[:, 1] / (np.abs(H) * f[:, None, None] ** 2))
+        one = FRF.from_arrays(
+            f, H, "receptance", test.frf.outputs, test.frf.inputs, test.frf.base, test.frf.strain
+        )
+        scatter = np.where(H != 0, scatter, 0.0)
+        return prepared_like(problem, replace(test, frf=one.as_kind(test.frf.kind), scatter=scatter))
