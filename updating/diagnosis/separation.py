@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.analysis.referred import References
 from fem.model import Model, parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.referred import References
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
