@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -393,10 +393,9 @@ def _referred(force: Channel, reference: Channel) -> Channel:
     s, t = force.sensor, force.table
     name = t.text("name", f"reference {reference.sensor.name}") if "sensor" in t else s.name
     label = t.text("label", reference.label)
-    parts = {f.name: getattr(s, f.name) for f in fields(Sensor)} | {"name": name}
     return replace(
         reference,
-        sensor=UnmeasuredForce(**parts, reference=reference.sensor),
+        sensor=UnmeasuredForce.of(s, reference.sensor, name),
         table=t,
         label=label or ("" if reference.node is not None else reference.sensor.name),
         convention=force.convention,
