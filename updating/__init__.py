@@ -83,6 +83,7 @@ if TYPE_CHECKING:
     from updating.inference.update import update
     from updating.inference.update_settings import UpdateSettings
     from updating.inference.updated import Ending, Updated, UpdatedParameter, UpdateStep
+    from updating.measurement.base_motion import BaseMotion
     from updating.measurement.channel_errors import ChannelErrors
     from updating.measurement.computed import computed_frf
     from updating.measurement.frf_estimation import (
@@ -101,7 +102,6 @@ if TYPE_CHECKING:
         match_members,
     )
     from updating.measurement.measurement import (
-        BaseMotion,
         Measurement,
         MeasurementError,
         Sensor,

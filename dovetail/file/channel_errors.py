@@ -6,7 +6,7 @@ import numpy as np
 
 from dovetail.file.table import StudyTable, suggest
 from updating.measurement.channel_errors import N_ERRORS, USUAL, ChannelErrors
-from updating.measurement.measurement import Measurement, Sensor
+from updating.measurement.measurement import Measurement, Sensor, references_of
 
 TABLE = "channel_errors"
 
@@ -26,6 +26,11 @@ def read_channel_errors(
         _known(t.table(key), [c.name for c in channels])
         for key, channels in (("sensors", sensors), ("excitations", excitations))
     ]
+    for s in references_of(excitations):
+        if s.name in known[0]:
+            t.table("sensors").refuse(
+                s.name, "responses refer to it, and its errors do not vary; give its gain in [[sensors]]"
+            )
     t.finish()
     return ChannelErrors(position, float(np.radians(direction)), gain, sensor, driver, stinger, *known)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,8 @@ from dovetail.file.sensor_table import sensor_tables
 from dovetail.file.table import StudyError, StudyTable, suggest
 from fem.analysis.frf import FRFKind
 from fem.io.uff import UffError, label_of, parse_label
-from updating.measurement.measurement import MOTION, STRAIN, BaseMotion, Sensor, place_sensors
+from updating.measurement.base_motion import BaseMotion
+from updating.measurement.measurement import MOTION, STRAIN, Sensor, place_sensors
 from updating.measurement.reference_sensor import UnmeasuredForce
 from updating.measurement.strain_gauge import StrainGauge
 
@@ -355,7 +356,7 @@ def read_excitations(
             if len(set(names)) < len(names):
                 t.refuse("", f"two excitations have the name '{names[-1]}'; names must differ")
             out += found
-    moved = any(isinstance(c.sensor, BaseMotion) for c in out)
+    moved = any(c.sensor.moves_base for c in out)
     for c in () if moved else sensors:
         if c.sensor.relative:
             c.table.refuse(
@@ -392,10 +393,9 @@ def _referred(force: Channel, reference: Channel) -> Channel:
     s, t = force.sensor, force.table
     name = t.text("name", f"reference {reference.sensor.name}") if "sensor" in t else s.name
     label = t.text("label", reference.label)
-    parts = {f.name: getattr(s, f.name) for f in fields(Sensor)} | {"name": name}
     return replace(
         reference,
-        sensor=UnmeasuredForce(**parts, reference=reference.sensor),
+        sensor=UnmeasuredForce.of(s, reference.sensor, name),
         table=t,
         label=label or ("" if reference.node is not None else reference.sensor.name),
         convention=force.convention,

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.analysis.referred import References
 from fem.model import Effect, Model, Parameter, ParameterRef
 from fem.reduction.modal_solution import ModalSolution, lines_first, range_of, times
 from fem.reduction.reduced_model import ReducedModel
-from fem.reduction.referred import References
 from fem.reduction.scaling import scale_factors
 from fem.reduction.series import with_series
 from fem.reduction.terms import ReducedTerm, combined

@@ -12,6 +12,7 @@ from fem.io import write_npz
 from tests.frames import MAST
 from tests.noise import complex_normal
 from updating import computed_frf
+from updating.plan.planned import planned_measurement
 
 SENSORS = """
 [[sensors]]
@@ -136,6 +137,14 @@ def test_a_test_without_a_force_is_planned(tmp_path):
     assert 0.5 < plan.coverage() <= plan.coverage("seen")
 
 
+def test_the_ratio_of_a_reference_to_itself_is_not_planned(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(MAST + SENSORS)
+    study = load_study(path)
+    planned = planned_measurement(study.model, study.sensors, study.excitations, [20.0, 30.0])
+    assert [bool((row == 0).all()) for row in planned.compared[0]] == [s.name == "low" for s in study.sensors]
+
+
 def test_modes_are_not_identified_in_ratios(tmp_path, capsys):
     path = mast(tmp_path)
     assert main(["identify-modes", str(path)]) == 2
@@ -153,6 +162,7 @@ def test_modes_are_not_identified_in_ratios(tmp_path, capsys):
         ('name = "low"', 'name = "low"\nkind = "mobility"', "refer to an acceleration"),
         ('reference = "low"', 'label = "low"', "are to an acceleration, and excitation 'hammer' is a force"),
         ('kind = "transmissibility"', 'kind = "transmissibility"\nforce_level = 3', "the force is unknown"),
+        ("[damping]", "[channel_errors]\nsensors = { low = [0.02, 0, 0, 0, 0] }\n\n[damping]", "do not vary"),
     ],
 )
 def test_a_reference_that_cannot_be_is_refused(tmp_path, old, new, words):

@@ -49,6 +49,7 @@ ALLOWED = {
         "makes the masses that sensors state, and the base that moves",
         {"AddedMass", "MovingBase"},
     ),
+    "updating/measurement/base_motion.py": ("pushes the base that moves", {"MovingBase"}),
     "updating/inference/patches.py": ("makes elements short on patches of joints", {"JointPatch"}),
     "updating/inference/form.py": (
         "lets the form of every model vary",

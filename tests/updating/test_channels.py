@@ -1,7 +1,9 @@
 """Contract of all kinds of channels: their rows, and FRFs that are computed, written and read again."""
 
+import re
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -39,6 +41,7 @@ FORCES = {
     "base": BaseMotion("base", np.zeros(3), Z),
     "unmeasured": UnmeasuredForce("u", TIP, Z, reference=Sensor("n", MIDDLE, Z)),
 }
+PACKAGES = ("fem", "updating", "joint", "viz", "dovetail")
 PER_FORCE = [f for f in FORCES.values() if f.reference_sensor() is None]
 
 
@@ -57,6 +60,16 @@ def model():
 
 def test_every_kind_of_channel_is_walked():
     assert every_kind() == {type(c) for c in (*CHANNELS.values(), *FORCES.values())}
+
+
+@pytest.mark.parametrize("kind", [BaseMotion, UnmeasuredForce, StrainGauge])
+def test_a_kind_of_channel_is_named_where_studies_are_read_alone(kind):
+    """All else asks what a channel says of itself."""
+    root, own = Path(__file__).parents[2], Path(*kind.__module__.split(".")).with_suffix(".py")
+    files = (p.relative_to(root) for part in PACKAGES for p in (root / part).rglob("*.py"))
+    name = re.compile(rf"(?<!`){kind.__name__}\b")
+    naming = {str(p) for p in files if name.search((root / p).read_text(encoding="utf-8"))}
+    assert naming - {str(own)} <= {"updating/__init__.py", "dovetail/file/sensors.py"}
 
 
 @pytest.mark.parametrize("channel", [*CHANNELS.values(), *FORCES.values()], ids=[*CHANNELS, *FORCES])

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.analysis.referred import References
 from fem.model import Model
-from fem.reduction.referred import References
 from fem.summary import fields_summary
 from updating.correlation import DB_PER_NEPER
 from updating.measurement.held_out import lines_held_out

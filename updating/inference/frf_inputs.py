@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
+from fem.analysis.referred import References
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, dofs_of
 from fem.reduction.deviations import DeviatingFRF, Deviations
 from fem.reduction.parametric_frf import ParametricFRF
-from fem.reduction.referred import References
 from fem.reduction.set_ups import SetUp, SetUpsFRF
 from fem.summary import counted, span, summary
 from updating.inference.belief import DATA_PER_MODE, DISCREPANCY_MIN

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, FRFKind
+from fem.analysis.referred import References
 from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved
 from fem.mesh import Mesh
 from fem.model import Instruments, Model, ModelError, dofs_of, lever_matrix
-from fem.reduction.referred import References
 from fem.summary import counted, span, summary
 from updating.measurement.channel_errors import (
     DIRECTION,
@@ -87,6 +87,8 @@ class Sensor:
     """Unit of what an excitation of this kind does in time."""
     per_acceleration: ClassVar[bool] = False
     """Whether FRFs to an excitation of this kind are per unit acceleration, in place of unit force."""
+    moves_base: ClassVar[bool] = False
+    """Whether an excitation of this kind moves the base along ``direction``."""
 
     def reference_sensor(self) -> "Sensor | None":
         """Return the sensor whose acceleration FRFs to this excitation refer to; None where it is known.
@@ -191,40 +193,6 @@ class Sensor:
                 f"{of} '{member}'; at most {tolerance:.3g} m is allowed"
             )
             raise MeasurementError(msg)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BaseMotion(Sensor):
-    """The acceleration of the base as an excitation: of all supports and grounds as one rigid body.
-
-    FRFs to it are transmissibilities. As accelerance a response is an acceleration for the base's
-    acceleration [-], as mobility a velocity [s] and as receptance a displacement [s²]. Its point is where
-    pictures mark it.
-    """
-
-    directed: ClassVar[bool] = False
-    signal_unit: ClassVar[str] = "m/s^2"
-    per_acceleration: ClassVar[bool] = True
-
-    def row(self, model: Model) -> NDArray[np.float64]:
-        """Return the force on the base that gives it the acceleration 1 along ``direction``, (n_dof,).
-
-        Raises
-        ------
-        MeasurementError
-            If the base rests in the model, or does not move along the direction.
-        """
-        row, along, ground = np.zeros(model.n_dof), np.asarray(self.direction, dtype=float), model.ground
-        if ground is None:
-            msg = f"'{self.name}' is a motion of the base, which rests in this model; see with_moving_base"
-            raise MeasurementError(msg)
-        amount = ground.translated(along)
-        if np.abs(amount @ ground.directions - along).max() > 1e-6:
-            msg = f"'{self.name}' moves the base along {along.tolist()}, where the model's base does not move"
-            raise MeasurementError(msg)
-        (base,) = model.of_kind(MovingBase)
-        row[ground.dofs] = self.gain * base.mass * amount
-        return row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -573,7 +541,7 @@ def with_moving_base(model: Model, excitations: Sequence[Sensor]) -> Model:
     MeasurementError
         If nothing holds the structure to the base, or a direction is a combination of others.
     """
-    directions = [np.asarray(e.direction, dtype=float) for e in excitations if isinstance(e, BaseMotion)]
+    directions = [np.asarray(e.direction, dtype=float) for e in excitations if e.moves_base]
     if not directions or model.ground is not None:
         return model
     try:
@@ -720,7 +688,7 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     ------
     MeasurementError
         If the mesh has no point where a sensor sits (:func:`place_sensors`), the model lacks the sprung mass
-        that carries one, or the base of a :class:`BaseMotion` rests in the model; and as the ``row`` of a
+        that carries one, or the base of a motion of it rests in the model; and as the ``row`` of a
         channel of another kind says.
     """
     return np.array([s.row(model) for s in sensors]).reshape(len(sensors), model.n_dof)

@@ -1,7 +1,7 @@
 """Responses over that of a reference sensor: transmissibilities of a force that was not measured."""
 
-from dataclasses import dataclass, fields
-from typing import ClassVar
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar
 
 from updating.measurement.measurement import Sensor
 
@@ -23,10 +23,20 @@ class UnmeasuredForce(Sensor):
 
     per_acceleration: ClassVar[bool] = True
 
+    @classmethod
+    def of(cls, force: Sensor, reference: Sensor, name: str) -> "UnmeasuredForce":
+        """Return a force whose responses refer to a sensor, under a name."""
+        return cls(**_parts(replace(force, name=name)), reference=reference)
+
     def reference_sensor(self) -> Sensor:
         """Return the sensor that responses refer to."""
         return self.reference
 
     def as_force(self) -> Sensor:
         """Return the force with responses per unit of it."""
-        return Sensor(**{f.name: getattr(self, f.name) for f in fields(Sensor)})
+        return Sensor(**_parts(self))
+
+
+def _parts(force: Sensor) -> dict[str, Any]:
+    """Return what any force has."""
+    return {f.name: getattr(force, f.name) for f in fields(Sensor)}

@@ -56,8 +56,18 @@ def planned_measurement(
             rms[alike] = np.sqrt((size[:, alike] ** 2).mean(axis=(0, 1)))
     with np.errstate(divide="ignore", invalid="ignore"):
         scatter = np.where(size > 0, noise / np.sqrt(2) * rms / size, 0.0)
+    # The ratio of a reference to itself is 1 by definition.
+    refer = [e.reference_sensor() for e in excitations]
+    itself = np.array([[r is not None and r.name == s.name for r in refer] for s in sensors], dtype=bool)
+    compared = np.where(np.broadcast_to(itself, frf.H.shape), 0.0, np.nan) if itself.any() else None
     return Measurement(
-        frf, tuple(sensors), tuple(excitations), name="planned", scatter=scatter, errors=errors
+        frf,
+        tuple(sensors),
+        tuple(excitations),
+        name="planned",
+        scatter=scatter,
+        compared=compared,
+        errors=errors,
     )
 
 
