@@ -20,8 +20,8 @@ from updating.measurement.matching import GeometryMatch
 from updating.measurement.pretest import PretestPlan
 from viz import style
 from viz.axes import legend_above
+from viz.chart import Chart
 from viz.heat_maps import error_map
-from viz.picture import Picture
 from viz.shapes import view_axes
 
 
@@ -253,7 +253,7 @@ def plot_orthogonality(
 
 def band_error_map(
     error: BandError, outputs: Sequence[str], what: str = "log_error", title: str = ""
-) -> Picture:
+) -> Chart:
     """Describe errors of FRFs by sensor and band as a heat map, summed over the forces.
 
     Parameters
