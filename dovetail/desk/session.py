@@ -47,7 +47,7 @@ from updating.quality.corrections import Fault
 NOMINAL = "nominal model"
 FITTED = "uncertain parameters fitted"
 RANKED_UNASKED = 500
-"""So many candidates are ranked after a fit without being asked for [-]."""
+"""Number of candidates that are ranked after each fit without a request [-]."""
 
 
 SAME_SPOT = 0.02
