@@ -11,6 +11,9 @@ from fem.analysis.frf import FRF
 from fem.analysis.tabulated import Tabulated
 from viz import style
 from viz.axes import legend_above
+from viz.chart import Axis, Chart, Curve
+from viz.curves import frequency_axis
+from viz.still import draw
 
 _MOST_CURVES = 6
 _DEEPEST = 1e-8
@@ -102,19 +105,15 @@ def plot_densities(
     title : str
         Heading.
     """
-    with style.look():
-        figure, (ax,) = _panels(1, title)
-        for i, name in enumerate(names[:_MOST_CURVES]):
-            ax.loglog(frequency, np.maximum(densities[:, i], 1e-300), color=_COLOURS[i], label=name)
-        shown = densities[:, :_MOST_CURVES]
-        shown = shown[shown > _DEEPEST * shown.max(initial=0.0)]
-        if shown.size:
-            ax.set_ylim(shown.min() / 2, 2 * shown.max())
-        ax.set_xlim(frequency[0], frequency[-1])
-        ax.set_xlabel("frequency [Hz]")
-        ax.set_ylabel(f"power spectral density [{unit}]")
-        legend_above(figure, _heading(title, len(names)), ax.get_legend_handles_labels()[0])
-    return figure
+    values = np.maximum(densities[:, :_MOST_CURVES], 1e-300)
+    curves = [
+        Curve(x=frequency, y=y, name=name, colour=colour, dash="-")
+        for y, name, colour in zip(values.T, names, _COLOURS, strict=False)
+    ]
+    shown = values[values > _DEEPEST * densities.max(initial=0.0)]
+    limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
+    y = Axis(f"power spectral density [{unit}]", limits, log=True)
+    return draw(Chart(curves, frequency_axis(frequency, log=True), y, _heading(title, len(names))))
 
 
 def plot_spectra(
@@ -131,26 +130,16 @@ def plot_spectra(
     title : str
         Heading.
     """
-    with style.look():
-        figure, (ax,) = _panels(1, title)
-        low = min(*(s.frequency[0] for s in spectra.values()), frequencies.min())
-        high = max(*(s.frequency[-1] for s in spectra.values()), frequencies.max())
-        lines = np.geomspace(low, high, 400)
-        for i, (name, spectrum) in enumerate(spectra.items()):
-            ax.loglog(lines, spectrum.at(lines), color=_COLOURS[i], label=f"spectrum, {name}")
-            ax.plot(
-                frequencies,
-                spectrum.at(frequencies),
-                "o",
-                color=_COLOURS[i],
-                markersize=4,
-                label=f"modes, {name}",
-            )
-        ax.set_xlim(low, high)
-        ax.set_xlabel("frequency [Hz]")
-        ax.set_ylabel("pseudo-acceleration [m/s²]")
-        legend_above(figure, title, ax.get_legend_handles_labels()[0])
-    return figure
+    low = float(min(*(s.frequency[0] for s in spectra.values()), frequencies.min()))
+    high = float(max(*(s.frequency[-1] for s in spectra.values()), frequencies.max()))
+    lines = np.geomspace(low, high, 400)
+    marks = []
+    for (name, spectrum), colour in zip(spectra.items(), _COLOURS, strict=False):
+        at_modes = {"x": frequencies, "y": spectrum.at(frequencies), "name": f"modes, {name}"}
+        marks.append(Curve(x=lines, y=spectrum.at(lines), name=f"spectrum, {name}", colour=colour, dash="-"))
+        marks.append(Curve(**at_modes, colour=colour, symbol="o"))
+    y = Axis("pseudo-acceleration [m/s²]", log=True)
+    return draw(Chart(marks, Axis("frequency [Hz]", (low, high), log=True), y, title))
 
 
 def _panels(n: int, title: str) -> tuple[Figure, list[Axes]]:

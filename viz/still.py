@@ -130,10 +130,7 @@ def _(mark: RowBars, ax: Axes) -> Any:
 @_draw.register
 def _(mark: Matrix, ax: Axes) -> Any:
     cells, norm = np.asarray(mark.cells, dtype=float), Normalize(*mark.limits)
-    image = heat_map(ax, cells, mark.colours, norm, mark.digits or 0, numbers=mark.digits is not None)
-    bar = ax.figure.colorbar(image, ax=ax, fraction=0.05, pad=0.02, aspect=30)
-    bar.set_label(mark.label)
-    bar.outline.set_visible(False)
+    heat_map(ax, cells, mark.colours, norm, mark.label, mark.digits)
 
 
 @_draw.register
