@@ -3,15 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.analysis.tabulated import Tabulated
 from viz import style
-from viz.axes import legend_above
-from viz.chart import Axis, Chart, Curve
+from viz.chart import Axis, Chart, Curve, Panel
 from viz.curves import frequency_axis
 from viz.still import draw
 
@@ -36,20 +34,14 @@ def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False, ti
         Heading.
     """
     unit = {"displacement": "m/m", "velocity": "(m/s)/m", "acceleration": "(m/s²)/m"}[response]
-    with style.look():
-        figure, axes = _panels(len(frf.inputs), title)
-        for j, (ax, motion) in enumerate(zip(axes, frf.inputs, strict=True)):
-            for i, name in enumerate(frf.outputs[:_MOST_CURVES]):
-                ax.semilogy(frf.frequency, np.abs(frf.H[:, i, j]), color=_COLOURS[i], label=name)
-            largest = float(np.abs(frf.H[:, :_MOST_CURVES, j]).max())
-            if largest > 0:
-                ax.set_ylim(bottom=max(_DEEPEST * largest, ax.get_ylim()[0]))
-            ax.set_title(motion)
-            ax.set_ylabel(f"{'relative ' * relative}{response} [{unit}]")
-            ax.set_xlim(frf.frequency[0], frf.frequency[-1])
-        axes[-1].set_xlabel("frequency [Hz]")
-        legend_above(figure, _heading(title, len(frf.outputs)), axes[0].get_legend_handles_labels()[0])
-    return figure
+    panels = []
+    for j, motion in enumerate(frf.inputs):
+        sizes = np.abs(frf.H[:, :_MOST_CURVES, j])
+        shown = sizes[sizes > _DEEPEST * sizes.max(initial=0.0)]
+        limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
+        label = f"{'relative ' * relative}{response} [{unit}]\n{motion}"
+        panels.append(Panel(_curves(frf.frequency, sizes, frf.outputs), Axis(label, limits, log=True), 1.0))
+    return _stacked(panels, frequency_axis(frf.frequency), _heading(title, len(frf.outputs)))
 
 
 def plot_histories(
@@ -71,16 +63,9 @@ def plot_histories(
     title : str
         Heading.
     """
-    with style.look():
-        figure, axes = _panels(len(panels), title)
-        for ax, (label, values) in zip(axes, panels, strict=True):
-            for i, name in enumerate(names[:_MOST_CURVES]):
-                ax.plot(time, values[:, i], color=_COLOURS[i], label=name, linewidth=1.0)
-            ax.set_ylabel(label)
-            ax.set_xlim(time[0], time[-1])
-        axes[-1].set_xlabel("time [s]")
-        legend_above(figure, _heading(title, len(names)), axes[0].get_legend_handles_labels()[0])
-    return figure
+    x = Axis("time [s]", (float(time[0]), float(time[-1])))
+    shown = [Panel(_curves(time, values, names), Axis(label), 1.0) for label, values in panels]
+    return _stacked(shown, x, _heading(title, len(names)))
 
 
 def plot_densities(
@@ -106,10 +91,7 @@ def plot_densities(
         Heading.
     """
     values = np.maximum(densities[:, :_MOST_CURVES], 1e-300)
-    curves = [
-        Curve(x=frequency, y=y, name=name, colour=colour, dash="-")
-        for y, name, colour in zip(values.T, names, _COLOURS, strict=False)
-    ]
+    curves = _curves(frequency, values, names)
     shown = values[values > _DEEPEST * densities.max(initial=0.0)]
     limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
     y = Axis(f"power spectral density [{unit}]", limits, log=True)
@@ -142,14 +124,17 @@ def plot_spectra(
     return draw(Chart(marks, Axis("frequency [Hz]", (low, high), log=True), y, title))
 
 
-def _panels(n: int, title: str) -> tuple[Figure, list[Axes]]:
+def _curves(x: NDArray[np.float64], values: NDArray[np.float64], names: Sequence[str]) -> list[Curve]:
+    """Return the first columns of values as curves."""
+    each = zip(values.T, names, _COLOURS, strict=False)
+    return [Curve(x=x, y=y, name=name, colour=colour, dash="-", width=1.3) for y, name, colour in each]
+
+
+def _stacked(panels: Sequence[Panel], x: Axis, title: str) -> Figure:
     """Return a figure with panels one over the other that share their abscissa."""
-    figure = style.new_figure(height=(0.25 if title else 0) + 0.9 + (2.6 if n == 1 else 1.9 * n))
-    first = figure.add_subplot(n, 1, 1)
-    axes = [first, *(figure.add_subplot(n, 1, k + 2, sharex=first) for k in range(n - 1))]
-    for ax in axes[:-1]:
-        ax.tick_params(labelbottom=False)
-    return figure, axes
+    first, *below = panels
+    size = style.WIDTH, 0.9 + (2.6 if not below else 1.9 * len(panels))
+    return draw(Chart(first.marks, x, first.y, title, size=size, below=below))
 
 
 def _heading(title: str, n: int) -> str:
