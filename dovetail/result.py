@@ -318,6 +318,11 @@ def _damping(curve: DampingCurve, unknowns: NDArray[np.float64]) -> dict[str, An
     return {"frequency_Hz": curve.knots, "ratio": members, **connected}
 
 
+def by_any(d: Verdict) -> bool:
+    """Whether a verdict is one: of sections that every report has."""
+    return True
+
+
 def by_frfs(d: Verdict) -> TypeGuard[Diagnosis]:
     """Whether FRFs led to a verdict."""
     return bool(d.steps)

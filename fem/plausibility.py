@@ -68,7 +68,7 @@ LEAST_USUAL = (1e8, 100.0)
 """E and ρ from which a guess of the unit is worth a word: polyethylene, cork [Pa, kg/m³]."""
 
 FARTHEST_SOUND = float(np.log(4.0))
-"""How far, as logarithm, the speed of sound of a guess may be from the usual one."""
+"""Largest deviation of a guessed speed of sound from the usual one, as a logarithm [-]."""
 
 MODULUS_UNITS = (
     (1e6, "MPa (N/mm²)", False),

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from viz.ambient import plot_ambient
     from viz.animation import animate_mode
     from viz.bands import plot_bands
+    from viz.chart import Chart
     from viz.correlation import (
         band_error_map,
         plot_agreement,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from viz.joints import plot_joint_stiffness, plot_stiffness_entries, plot_stiffness_laws
     from viz.modal import plot_stabilisation, plot_synthesis
     from viz.models import displacement_at, member_families, model_surface
-    from viz.picture import Picture
     from viz.plan import render_plan
     from viz.render import render_faults, render_misfit, render_mode, render_model
     from viz.search import error_bars, position, probability, ranking, staircase
@@ -44,7 +44,7 @@ __all__ = [
     "GREY",
     "PURPLE",
     "VERMILION",
-    "Picture",
+    "Chart",
     "animate_mode",
     "band_error_map",
     "cmif",

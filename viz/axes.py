@@ -56,9 +56,9 @@ def legend_above(figure: Figure, title: str, keys: Sequence[Any]) -> None:
 
 
 def heat_map(
-    ax: Axes, values: NDArray[np.float64], cmap: Any, norm: Normalize, digits: int, *, numbers: bool
-) -> Any:
-    """Draw a matrix as coloured cells with white seams and, if wanted, its numbers."""
+    ax: Axes, values: NDArray[np.float64], cmap: Any, norm: Normalize, label: str, digits: int | None
+) -> None:
+    """Draw a matrix as coloured cells and a bar of its colours, with its numbers if digits are given."""
     n, m = values.shape
     cmap = cmap.with_extremes(bad="#f0f1f3")
     image = ax.imshow(values, cmap=cmap, norm=norm, aspect="auto", interpolation="nearest")
@@ -69,12 +69,14 @@ def heat_map(
     ax.tick_params(which="both", length=0)
     for spine in ax.spines.values():
         spine.set_visible(False)
-    if numbers:
+    if digits is not None:
         for (i, j), value in np.ndenumerate(values):
             if np.isfinite(value):
                 ink = style.ink_on(cmap(norm(value)))
                 ax.text(j, i, number(value, digits), ha="center", va="center", fontsize=6.8, color=ink)
-    return image
+    bar = ax.figure.colorbar(image, ax=ax, fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
 
 
 def number(value: float, digits: int) -> str:

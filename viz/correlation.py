@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -19,10 +18,12 @@ from updating.correlation.pairing import ModeComparison
 from updating.measurement.matching import GeometryMatch
 from updating.measurement.pretest import PretestPlan
 from viz import style
-from viz.axes import legend_above
+from viz.axes import heat_map, legend_above
+from viz.chart import Axis, Chart, Curve, Matrix, columns, rows
+from viz.curves import frequency_axis
 from viz.heat_maps import error_map
-from viz.picture import Picture
 from viz.shapes import view_axes
+from viz.still import draw
 
 
 def plot_coordinates(
@@ -150,39 +151,21 @@ def plot_signature(
     title : str
         Heading.
     """
-    f = np.asarray(frequency, dtype=float)
+    f, ticks = np.asarray(frequency, dtype=float), np.asarray(modes, dtype=float)
     colours = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE)
-    with style.look():
-        figure = style.new_figure(height=2.9)
-        ax = figure.add_subplot()
-        keys = []
-        for k, (label, data) in enumerate(curves.items()):
-            lines = ax.plot(
-                f, np.asarray(data, dtype=float), color=colours[k % 4], linewidth=1.1, label=label
-            )
-            keys.append(lines[0])
-        at = np.asarray(modes, dtype=float)
-        if at.size:
-            keys += ax.plot(
-                at,
-                np.full(at.size, 0.02),
-                "^",
-                color=style.INK,
-                markersize=4,
-                label="measured modes",
-                clip_on=False,
-                linestyle="none",
-            )
-        ax.set_xlim(f[0], f[-1])
-        ax.set_ylim(0, 1.03)
-        ax.set_xlabel("frequency [Hz]")
-        ax.set_ylabel("agreement [-]")
-        legend_above(figure, title, keys)
-    return figure
+    marks = [
+        Curve(x=f, y=column, name=label, keyed=j == 0, colour=colours[k % 4], dash="-")
+        for k, (label, data) in enumerate(curves.items())
+        for j, column in enumerate(np.asarray(data, dtype=float).reshape(f.size, -1).T)
+    ]
+    if ticks.size:
+        marks.append(Curve(x=ticks, y=np.full(ticks.size, 0.02), symbol="^", name="measured modes"))
+    y = Axis("agreement [-]", (0, 1.03))
+    return draw(Chart(marks, frequency_axis(f), y, title, size=(style.WIDTH, 2.9)))
 
 
 def plot_agreement(
-    values: ArrayLike, rows: Sequence[str], columns: Sequence[str], label: str, title: str = ""
+    values: ArrayLike, row_names: Sequence[str], column_names: Sequence[str], label: str, title: str = ""
 ) -> Figure:
     """Plot a matrix of values from 0 to 1 with its numbers: FRAC or SAC over sensors and forces.
 
@@ -190,7 +173,7 @@ def plot_agreement(
     ----------
     values : array_like (n_rows, n_columns)
         [-].
-    rows, columns : sequence of str
+    row_names, column_names : sequence of str
     label : str
         Quantity of the colours, such as ``"SAC [-]"``.
     title : str
@@ -202,10 +185,7 @@ def plot_agreement(
         If numbers differ.
     """
     v = np.array(values, dtype=float, ndmin=2)
-    with style.look():
-        height = float(np.clip(1.2 + 0.24 * len(v), 2.2, 9))
-        figure, _ = _named_matrix(v, rows, columns, label, title, least_width=3.4, height=height)
-    return figure
+    return draw(_agreement(v, (row_names, column_names), ("", ""), label, title, 1.2 + 0.24 * len(v)))
 
 
 def plot_orthogonality(
@@ -236,24 +216,17 @@ def plot_orthogonality(
         If numbers differ.
     """
     v = np.abs(np.array(values, ndmin=2))
-    with style.look():
-        height = float(np.clip(1.4 + 0.3 * len(v), 2.4, 9))
-        figure, ax = _named_matrix(v, *labels, "size of φᵀMφ [-]", title, least_width=3.6, height=height)
-        on = np.eye(*v.shape, dtype=bool)
-        for i, j in np.argwhere(np.where(on, v < 1 - limit, v > limit)):
-            ax.add_patch(
-                Rectangle(
-                    (j - 0.48, i - 0.48), 0.96, 0.96, fill=False, edgecolor=style.VERMILION, linewidth=1.6
-                )
-            )
-        ax.set_ylabel(names[0])
-        ax.set_xlabel(names[1])
+    figure = draw(_agreement(v, labels, names, "size of φᵀMφ [-]", title, 1.4 + 0.3 * len(v)))
+    on = np.eye(*v.shape, dtype=bool)
+    for i, j in np.argwhere(np.where(on, v < 1 - limit, v > limit)):
+        frame = Rectangle((j - 0.48, i - 0.48), 0.96, 0.96, fill=False, edgecolor=style.VERMILION)
+        figure.axes[0].add_patch(frame).set_linewidth(1.6)
     return figure
 
 
 def band_error_map(
     error: BandError, outputs: Sequence[str], what: str = "log_error", title: str = ""
-) -> Picture:
+) -> Chart:
     """Describe errors of FRFs by sensor and band as a heat map, summed over the forces.
 
     Parameters
@@ -366,7 +339,8 @@ def plot_pretest(plan: PretestPlan, title: str = "") -> Figure:
     with style.look():
         figure = style.new_figure(height=float(np.clip(1.6 + 0.26 * n, 3.0, 8.0)))
         left, right = figure.subplots(1, 2, width_ratios=[1.25, 1])
-        _matrix(figure, left, o.auto_mac, "MAC at the sensors [-]")
+        digits = 2 if n <= 12 else None
+        heat_map(left, o.auto_mac, style.agreement_map(), Normalize(0, 1), "MAC at the sensors [-]", digits)
         left.set_yticks(range(n), names, fontsize=7)
         left.set_xticks(range(n), names, fontsize=7, rotation=60, ha="right", rotation_mode="anchor")
         y = np.arange(n)
@@ -446,48 +420,20 @@ def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _named_matrix(
-    values: NDArray[np.float64],
-    rows: Sequence[str],
-    columns: Sequence[str],
+def _agreement(
+    v: NDArray[np.float64],
+    labels: tuple[Sequence[str], Sequence[str]],
+    names: tuple[str, str],
     label: str,
     title: str,
-    *,
-    least_width: float,
     height: float,
-) -> tuple[Figure, Axes]:
-    """Draw a matrix on a figure of its own, which is as wide as its columns need."""
-    if values.shape != (len(rows), len(columns)):
-        msg = f"the values have shape {values.shape} for {len(rows)} rows and {len(columns)} columns"
+) -> Chart:
+    """Describe a matrix of values from 0 to 1, with its numbers while they fit."""
+    n, m = map(len, labels)
+    if v.shape != (n, m):
+        msg = f"the values have shape {v.shape} for {n} rows and {m} columns"
         raise ValueError(msg)
-    figure = style.new_figure(float(np.clip(2.2 + 0.5 * len(columns), least_width, style.WIDTH)), height)
-    ax = figure.add_subplot()
-    _matrix(figure, ax, values, label)
-    ax.set_yticks(range(len(rows)), rows, fontsize=7.5)
-    ax.set_xticks(range(len(columns)), columns, fontsize=7.5, rotation=40, ha="right", rotation_mode="anchor")
-    if title:
-        ax.set_title(title)
-    return figure, ax
-
-
-def _matrix(figure: Figure, ax: Axes, values: NDArray[np.float64], label: str) -> None:
-    cmap, norm = style.agreement_map(), Normalize(0, 1)
-    image = ax.imshow(values, cmap=cmap, norm=norm, aspect="auto", interpolation="nearest")
-    ax.grid(visible=False)
-    ax.tick_params(length=0)
-    for spine in ax.spines.values():
-        spine.set_visible(False)
-    if max(values.shape) <= 12:
-        for (i, j), value in np.ndenumerate(values):
-            ax.text(
-                j,
-                i,
-                f"{value:.2f}",
-                ha="center",
-                va="center",
-                fontsize=6.5,
-                color=style.ink_on(cmap(norm(value))),
-            )
-    bar = figure.colorbar(image, ax=ax, fraction=0.05, pad=0.02, aspect=25)
-    bar.set_label(label)
-    bar.outline.set_visible(False)
+    digits = 2 if max(v.shape) <= 12 else None
+    cells = Matrix(cells=v, colours=style.agreement_map(), limits=(0.0, 1.0), label=label, digits=digits)
+    size = float(np.clip(2.2 + 0.5 * m, 3.4, style.WIDTH)), float(np.clip(height, 2.2, 9))
+    return Chart([cells], columns(labels[1], names[1]), rows(labels[0], names[0]), title, size=size)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fem.analysis.frf import FRF
 from viz import still, style
 from viz.axes import number
-from viz.picture import Axis, Band, Curve, Mark, Panel, Picture, Span
+from viz.chart import Axis, Band, Chart, ChartMark, Curve, Panel, Span
 
 Floats = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ _WIDEST = 150.0
 BELOW_NOISE = "below the noise, 1 σ"
 
 
-def held_out_spans(bands: Sequence[tuple[float, float]]) -> list[Mark]:
+def held_out_spans(bands: Sequence[tuple[float, float]]) -> list[ChartMark]:
     """Return the marks of bands of frequency that were held out from the fit [Hz]."""
     return [
         Span(low=low, high=high, colour=style.HELD_OUT, name="" if k else "held out from the fit")
@@ -137,7 +137,7 @@ def frf(
     log_frequency: bool = False,
     title: str | None = None,
     height: float = 520,
-) -> Picture:
+) -> Chart:
     """Describe amplitude and phase of one FRF, measured and of models, over frequency.
 
     If the measured FRFs are amplitudes without phase, no phase is drawn.
@@ -193,12 +193,12 @@ def frf(
     shown, f = first.select([pair[0]], [pair[1]]), first.frequency
     curves = frf_curves(measured, models, deviations, compared, label)
     limits = magnitude_range(curves[0].of(pair)[0])
-    top: list[Mark] = held_out_spans(held_out)
+    top: list[ChartMark] = held_out_spans(held_out)
     if floor is not None:
         sigma = np.broadcast_to(np.asarray(floor, dtype=float), first.H.shape)[:, o, i]
         noise = 20 * np.log10(np.maximum(sigma, 1e-300))
         top.append(Band(x=f, low=limits[0] - 100, high=noise, colour=style.NOISE, name=BELOW_NOISE))
-    phases: list[Mark] = []
+    phases: list[ChartMark] = []
     for c in curves:
         magnitude, phase, spread = c.of(pair)
         if spread is not None:
@@ -224,7 +224,7 @@ def frf(
         more: dict[str, Any] = {"hover": "γ² {y:.3f}", "name": COHERENCE, "keyed": False, "meta": meta}
         axis = Axis("γ² [-]", (-0.02, 1.04), ([0, 0.5, 1], ["0", "0.5", "1"]))
         below.append(Panel([Curve(x=f, y=gamma, dash="-", width=1.2, **more)], axis, 0.25))
-    return Picture(
+    return Chart(
         top,
         frequency_axis(f, log=log_frequency),
         Axis(shown.quantity, limits, decibels=shown.unit),
@@ -294,7 +294,7 @@ def error_curves(
     floor: ArrayLike | None = None,
     held_out: Sequence[tuple[float, float]] = (),
     title: str = "",
-) -> Picture:
+) -> Chart:
     """Describe the error of models over frequency, as :func:`frf_errors` gives it.
 
     Parameters
@@ -321,7 +321,27 @@ def error_curves(
         look: dict[str, Any] = {"name": label, "colour": colour, "dash": dash, "hover": "{y:.1f} dB"}
         marks.append(Curve(x=f, y=e, meta={"series": label, "quantity": "error"}, **look))
     y = Axis("relative error [dB]", (min(ends) - 4, max(ends) + 4))
-    return Picture(marks, frequency_axis(f), y, title, 320, (style.WIDTH, 2.9), compares=True)
+    return Chart(marks, frequency_axis(f), y, title, 320, (style.WIDTH, 2.9), compares=True)
+
+
+def l_curve(
+    x: Floats, y: Floats, marked: Mapping[str, int], labels: tuple[str, str], title: str = ""
+) -> Chart:
+    """Describe an L-curve, a size over a misfit, with some of its points marked.
+
+    Parameters
+    ----------
+    x, y : ndarray (n,)
+    marked : mapping of str to int
+        Points by their words.
+    labels : (str, str)
+        Of the axes.
+    title : str
+    """
+    marks = [Curve(x=x, y=y, dash="-", colour=style.FITTED)]
+    for (words, k), colour in zip(marked.items(), (style.EFFECT, style.GREEN), strict=False):
+        marks.append(Curve(x=[x[k]], y=[y[k]], symbol="o", colour=colour, name=words))
+    return Chart(marks, Axis(labels[0], log=True), Axis(labels[1], log=True), title, 380, (5.0, 3.8))
 
 
 def frf_errors(

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from viz import style
 from viz.axes import number
-from viz.picture import Axis, Curve, Matrix, Picture, Rule, Span, columns, rows
+from viz.chart import Axis, Chart, Curve, Matrix, Rule, Span, columns, rows
 
 SYMBOLS = ("o", "s", "D", "P")
 """Of models in the order nominal, fitted, with the effect, others."""
@@ -21,7 +21,7 @@ def deviations(
     computed: Mapping[str, ArrayLike],
     held_out: ArrayLike | None = None,
     title: str = "",
-) -> Picture:
+) -> Chart:
     """Describe how far computed natural frequencies are from measured ones, mode by mode.
 
     Bars around zero are two standard deviations of the measurement.
@@ -86,7 +86,7 @@ def deviations(
         for k in np.flatnonzero(predicted).tolist()
     ]
     ticks = at[::step].tolist(), [f"{x:.4g}" for x in f[::step]]
-    return Picture(
+    return Chart(
         [*marks, Rule(value=0.0, along="y", colour=style.MUTED)],
         Axis("measured natural frequency [Hz]", (-0.6, f.size - 0.2), ticks, grid=False),
         Axis("computed less measured [%]"),
@@ -101,7 +101,7 @@ def mac_map(
     computed: Sequence[str],
     names: tuple[str, str] = ("measured [Hz]", "computed [Hz]"),
     title: str = "",
-) -> Picture:
+) -> Chart:
     """Describe a matrix of modal assurance criteria.
 
     Parameters
@@ -138,4 +138,4 @@ def mac_map(
         hover=hover,
     )
     size = (float(np.clip(1.9 + cell * m, 3.4, style.WIDTH)), float(np.clip(1.3 + cell * n, 2.6, 9)))
-    return Picture([cells], columns(computed, names[1]), rows(measured, names[0]), title, 124 + 24 * n, size)
+    return Chart([cells], columns(computed, names[1]), rows(measured, names[0]), title, 124 + 24 * n, size)

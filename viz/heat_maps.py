@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from viz import style
 from viz.axes import Band, digits_for
+from viz.chart import Chart, Matrix, columns, rows
 from viz.layout import shorten
-from viz.picture import Matrix, Picture, columns, rows
 
 MOST_NUMBERS = (40, 12)
 """Largest map, rows and columns, whose cells show their numbers."""
@@ -23,7 +23,7 @@ def error_map(
     *,
     limits: tuple[float, float] | None = None,
     title: str = "",
-) -> Picture:
+) -> Chart:
     """Describe the error of each sensor in each band as a map.
 
     A cell's ``data`` is ``[sensor, low, high]`` with the ends of the band in hertz, for clicks.
@@ -73,4 +73,4 @@ def error_map(
     )
     size = float(np.clip(2.0 + 0.62 * m, 4.0, style.WIDTH)), 0.95 + max((0.19 if n <= 40 else 0.135) * n, 1.2)
     named = rows([shorten(s, 24) for s in sensors], "sensor")
-    return Picture([cells], columns(words, f"band{hertz}"), named, title, min(104 + 21 * n, 1400), size)
+    return Chart([cells], columns(words, f"band{hertz}"), named, title, min(104 + 21 * n, 1400), size)

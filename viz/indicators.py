@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 from fem.analysis.frf import FRF
 from updating.correlation import cmif as indicator
 from viz import style
+from viz.chart import Axis, Chart, ChartMark, Curve, RowBars, Rule, decibel, rows
 from viz.curves import MEASURED, frequency_axis, held_out_spans
 from viz.frequencies import SYMBOLS
 from viz.layout import shorten
-from viz.picture import Axis, Bars, Curve, Mark, Picture, Rule, decibel, rows
 
 NYQUIST, SINGULAR, FRAC = "nyquist", "singular value", "frac"
 """Quantities of the curves: ``meta["quantity"]``, beside the curve's label ``meta["series"]``."""
@@ -20,9 +20,7 @@ MOST_SINGULAR_VALUES = 3
 """Singular values that are drawn [-]; further ones lie in the noise of most tests."""
 
 
-def nyquist(
-    measured: FRF, models: Mapping[str, FRF], pair: tuple[str, str], *, height: float = 520
-) -> Picture:
+def nyquist(measured: FRF, models: Mapping[str, FRF], pair: tuple[str, str], *, height: float = 520) -> Chart:
     """Describe the imaginary over the real part of one FRF, measured and of models.
 
     Parameters
@@ -36,14 +34,14 @@ def nyquist(
         Of an interactive figure [pixel].
     """
     chosen = measured.select([pair[0]], [pair[1]])
-    marks: list[Mark] = [Rule(value=0.0, along=along, colour=style.MUTED) for along in "xy"]
+    marks: list[ChartMark] = [Rule(value=0.0, along=along, colour=style.MUTED) for along in "xy"]
     for look, known in _sources(measured, models):
         H = known.select([pair[0]], [pair[1]]).H[:, 0, 0]
         hover = [f"{f:.5g} Hz\n{look['name']}" for f in known.frequency]
         meta = {"series": look["name"], "quantity": NYQUIST}
         marks.append(Curve(x=H.real, y=H.imag, hover=hover, meta=meta, **look))
     unit = "" if chosen.unit == "-" else f" [{chosen.unit}]"
-    return Picture(marks, Axis(f"real part{unit}"), Axis(f"imaginary part{unit}"), height=height, equal=True)
+    return Chart(marks, Axis(f"real part{unit}"), Axis(f"imaginary part{unit}"), height=height, equal=True)
 
 
 def cmif(
@@ -53,7 +51,7 @@ def cmif(
     held_out: Sequence[tuple[float, float]] = (),
     log_frequency: bool = False,
     height: float = 520,
-) -> Picture:
+) -> Chart:
     """Describe the largest singular values of the FRFs at each line, measured and of models.
 
     Parameters
@@ -76,7 +74,7 @@ def cmif(
             marks.append(Curve(x=known.frequency, y=level, hover="{y:.2f} dB", meta=meta, **(look | thin)))
     x = frequency_axis(measured.frequency, log=log_frequency)
     y = Axis(f"singular values\n[{decibel(measured.unit)}]")
-    return Picture(marks, x, y, height=height, compares=True)
+    return Chart(marks, x, y, height=height, compares=True)
 
 
 def singular_levels(H: ArrayLike) -> np.ndarray:
@@ -85,7 +83,7 @@ def singular_levels(H: ArrayLike) -> np.ndarray:
     return 20 * np.log10(values, where=values > 0, out=np.full(values.shape, np.nan))
 
 
-def frac(values: Mapping[str, ArrayLike], sensors: Sequence[str], *, force: str = "") -> Picture:
+def frac(values: Mapping[str, ArrayLike], sensors: Sequence[str], *, force: str = "") -> Chart:
     """Describe the FRAC of each sensor with each model; the ``data`` are the sensors' names, for clicks.
 
     Parameters
@@ -119,7 +117,7 @@ def sensitivity(
     hover: Sequence[str],
     added: Sequence[bool],
     label: str = "mean change per standard deviation of the prior [dB]",
-) -> Picture:
+) -> Chart:
     """Describe the change of an FRF or a natural frequency by each parameter as bars.
 
     Parameters
@@ -135,17 +133,17 @@ def sensitivity(
     """
     v, is_added = np.asarray(values, dtype=float), np.asarray(added, dtype=bool)
     bars = [
-        Bars(y=at, x=v[at], colour=colour, text=[f"{v[k]:.2g}" for k in at], hover=[hover[k] for k in at])
+        RowBars(y=at, x=v[at], colour=colour, text=[f"{v[k]:.2g}" for k in at], hover=[hover[k] for k in at])
         for known, colour in ((is_added, style.EFFECT), (~is_added, style.FITTED))
         if (at := np.flatnonzero(known).tolist())
     ]
     return _with_rows(bars, names, Axis(label, (0, 1.12 * float(v.max(initial=1e-6)))))
 
 
-def _with_rows(marks: Sequence[Mark], names: Sequence[str], x: Axis) -> Picture:
+def _with_rows(marks: Sequence[ChartMark], names: Sequence[str], x: Axis) -> Chart:
     """Describe a figure with a row for each name."""
     named, n = rows([shorten(name, 40) for name in names], grid=True), len(names)
-    return Picture(marks, x, named, height=max(112 + 21 * n, 240), size=(style.WIDTH, 1.0 + 0.21 * n))
+    return Chart(marks, x, named, height=max(112 + 21 * n, 240), size=(style.WIDTH, 1.0 + 0.21 * n))
 
 
 def _sources(measured: FRF, models: Mapping[str, FRF]) -> list[tuple[dict[str, Any], FRF]]:

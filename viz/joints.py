@@ -14,6 +14,8 @@ from joint.physics import StiffnessLaw
 from joint.substructuring import RegularisationCurve
 from viz import style
 from viz.axes import Band, curve_keys, legend_above, shade
+from viz.curves import l_curve
+from viz.still import draw
 
 __all__ = ["plot_joint_stiffness", "plot_l_curve", "plot_stiffness_entries", "plot_stiffness_laws"]
 
@@ -159,27 +161,13 @@ def plot_l_curve(curve: RegularisationCurve, chosen: float | None = None, title:
     title : str
         Heading.
     """
-    with style.look():
-        figure = style.new_figure(width=4.6, height=3.4)
-        ax = figure.subplots()
-        ax.loglog(curve.residual, curve.solution, color=style.FITTED, marker=".", markersize=3)
-        for amount, word, colour in ((curve.corner, "corner", style.EFFECT), (chosen, "chosen", style.GREEN)):
-            if amount is None:
-                continue
-            k = int(np.argmin(np.abs(np.log(curve.amount / amount))))
-            ax.loglog(curve.residual[k], curve.solution[k], "o", color=colour, markersize=6)
-            ax.annotate(
-                f"{word}: {amount:.1e}",
-                (curve.residual[k], curve.solution[k]),
-                xytext=(8, 6),
-                textcoords="offset points",
-                color=colour,
-            )
-        ax.set_xlabel("residual ‖A X - B‖ / ‖B‖ [-]")
-        ax.set_ylabel("solution ‖X‖, relative [-]")
-        if title:
-            ax.set_title(title)
-    return figure
+    amounts = {"corner": curve.corner} | ({} if chosen is None else {"chosen": chosen})
+    marked = {
+        f"{word}: {amount:.1e}": int(np.argmin(np.abs(np.log(curve.amount / amount))))
+        for word, amount in amounts.items()
+    }
+    labels = "residual ‖A X - B‖ / ‖B‖ [-]", "solution ‖X‖, relative [-]"
+    return draw(l_curve(curve.residual, curve.solution, marked, labels, title))
 
 
 def _draw(ax: Axes, f: NDArray[np.float64], y: NDArray[Any], k: int, label: str) -> None:

@@ -3,14 +3,15 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.analysis.tabulated import Tabulated
 from viz import style
-from viz.axes import legend_above
+from viz.chart import Axis, Chart, Curve, Panel
+from viz.curves import frequency_axis
+from viz.still import draw
 
 _MOST_CURVES = 6
 _DEEPEST = 1e-8
@@ -33,20 +34,14 @@ def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False, ti
         Heading.
     """
     unit = {"displacement": "m/m", "velocity": "(m/s)/m", "acceleration": "(m/s²)/m"}[response]
-    with style.look():
-        figure, axes = _panels(len(frf.inputs), title)
-        for j, (ax, motion) in enumerate(zip(axes, frf.inputs, strict=True)):
-            for i, name in enumerate(frf.outputs[:_MOST_CURVES]):
-                ax.semilogy(frf.frequency, np.abs(frf.H[:, i, j]), color=_COLOURS[i], label=name)
-            largest = float(np.abs(frf.H[:, :_MOST_CURVES, j]).max())
-            if largest > 0:
-                ax.set_ylim(bottom=max(_DEEPEST * largest, ax.get_ylim()[0]))
-            ax.set_title(motion)
-            ax.set_ylabel(f"{'relative ' * relative}{response} [{unit}]")
-            ax.set_xlim(frf.frequency[0], frf.frequency[-1])
-        axes[-1].set_xlabel("frequency [Hz]")
-        legend_above(figure, _heading(title, len(frf.outputs)), axes[0].get_legend_handles_labels()[0])
-    return figure
+    panels = []
+    for j, motion in enumerate(frf.inputs):
+        sizes = np.abs(frf.H[:, :_MOST_CURVES, j])
+        shown = sizes[sizes > _DEEPEST * sizes.max(initial=0.0)]
+        limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
+        label = f"{'relative ' * relative}{response} [{unit}]\n{motion}"
+        panels.append(Panel(_curves(frf.frequency, sizes, frf.outputs), Axis(label, limits, log=True), 1.0))
+    return _stacked(panels, frequency_axis(frf.frequency), _heading(title, len(frf.outputs)))
 
 
 def plot_histories(
@@ -68,16 +63,9 @@ def plot_histories(
     title : str
         Heading.
     """
-    with style.look():
-        figure, axes = _panels(len(panels), title)
-        for ax, (label, values) in zip(axes, panels, strict=True):
-            for i, name in enumerate(names[:_MOST_CURVES]):
-                ax.plot(time, values[:, i], color=_COLOURS[i], label=name, linewidth=1.0)
-            ax.set_ylabel(label)
-            ax.set_xlim(time[0], time[-1])
-        axes[-1].set_xlabel("time [s]")
-        legend_above(figure, _heading(title, len(names)), axes[0].get_legend_handles_labels()[0])
-    return figure
+    x = Axis("time [s]", (float(time[0]), float(time[-1])))
+    shown = [Panel(_curves(time, values, names), Axis(label), 1.0) for label, values in panels]
+    return _stacked(shown, x, _heading(title, len(names)))
 
 
 def plot_densities(
@@ -102,19 +90,12 @@ def plot_densities(
     title : str
         Heading.
     """
-    with style.look():
-        figure, (ax,) = _panels(1, title)
-        for i, name in enumerate(names[:_MOST_CURVES]):
-            ax.loglog(frequency, np.maximum(densities[:, i], 1e-300), color=_COLOURS[i], label=name)
-        shown = densities[:, :_MOST_CURVES]
-        shown = shown[shown > _DEEPEST * shown.max(initial=0.0)]
-        if shown.size:
-            ax.set_ylim(shown.min() / 2, 2 * shown.max())
-        ax.set_xlim(frequency[0], frequency[-1])
-        ax.set_xlabel("frequency [Hz]")
-        ax.set_ylabel(f"power spectral density [{unit}]")
-        legend_above(figure, _heading(title, len(names)), ax.get_legend_handles_labels()[0])
-    return figure
+    values = np.maximum(densities[:, :_MOST_CURVES], 1e-300)
+    curves = _curves(frequency, values, names)
+    shown = values[values > _DEEPEST * densities.max(initial=0.0)]
+    limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
+    y = Axis(f"power spectral density [{unit}]", limits, log=True)
+    return draw(Chart(curves, frequency_axis(frequency, log=True), y, _heading(title, len(names))))
 
 
 def plot_spectra(
@@ -131,36 +112,29 @@ def plot_spectra(
     title : str
         Heading.
     """
-    with style.look():
-        figure, (ax,) = _panels(1, title)
-        low = min(*(s.frequency[0] for s in spectra.values()), frequencies.min())
-        high = max(*(s.frequency[-1] for s in spectra.values()), frequencies.max())
-        lines = np.geomspace(low, high, 400)
-        for i, (name, spectrum) in enumerate(spectra.items()):
-            ax.loglog(lines, spectrum.at(lines), color=_COLOURS[i], label=f"spectrum, {name}")
-            ax.plot(
-                frequencies,
-                spectrum.at(frequencies),
-                "o",
-                color=_COLOURS[i],
-                markersize=4,
-                label=f"modes, {name}",
-            )
-        ax.set_xlim(low, high)
-        ax.set_xlabel("frequency [Hz]")
-        ax.set_ylabel("pseudo-acceleration [m/s²]")
-        legend_above(figure, title, ax.get_legend_handles_labels()[0])
-    return figure
+    low = float(min(*(s.frequency[0] for s in spectra.values()), frequencies.min()))
+    high = float(max(*(s.frequency[-1] for s in spectra.values()), frequencies.max()))
+    lines = np.geomspace(low, high, 400)
+    marks = []
+    for (name, spectrum), colour in zip(spectra.items(), _COLOURS, strict=False):
+        at_modes = {"x": frequencies, "y": spectrum.at(frequencies), "name": f"modes, {name}"}
+        marks.append(Curve(x=lines, y=spectrum.at(lines), name=f"spectrum, {name}", colour=colour, dash="-"))
+        marks.append(Curve(**at_modes, colour=colour, symbol="o"))
+    y = Axis("pseudo-acceleration [m/s²]", log=True)
+    return draw(Chart(marks, Axis("frequency [Hz]", (low, high), log=True), y, title))
 
 
-def _panels(n: int, title: str) -> tuple[Figure, list[Axes]]:
+def _curves(x: NDArray[np.float64], values: NDArray[np.float64], names: Sequence[str]) -> list[Curve]:
+    """Return the first columns of values as curves."""
+    each = zip(values.T, names, _COLOURS, strict=False)
+    return [Curve(x=x, y=y, name=name, colour=colour, dash="-", width=1.3) for y, name, colour in each]
+
+
+def _stacked(panels: Sequence[Panel], x: Axis, title: str) -> Figure:
     """Return a figure with panels one over the other that share their abscissa."""
-    figure = style.new_figure(height=(0.25 if title else 0) + 0.9 + (2.6 if n == 1 else 1.9 * n))
-    first = figure.add_subplot(n, 1, 1)
-    axes = [first, *(figure.add_subplot(n, 1, k + 2, sharex=first) for k in range(n - 1))]
-    for ax in axes[:-1]:
-        ax.tick_params(labelbottom=False)
-    return figure, axes
+    first, *below = panels
+    size = style.WIDTH, 0.9 + (2.6 if not below else 1.9 * len(panels))
+    return draw(Chart(first.marks, x, first.y, title, size=size, below=below))
 
 
 def _heading(title: str, n: int) -> str:

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from fem.summary import percent
 from viz import style
 from viz.axes import number
+from viz.chart import Axis, Chart, ChartMark, Curve, RowBars, Rule, Span, broken, columns, rows
 from viz.layout import shorten
-from viz.picture import Axis, Bars, Curve, Mark, Picture, Rule, Span, broken, columns, rows
 
 TWIN, OTHER = "#f2bf9b", "#b9c3cd"
 """Colours of the bars of candidates."""
@@ -27,7 +27,7 @@ def ranking(
     title: str = "",
     xlabel: str = "residual level with the candidate [dB]",
     at_most: int = 20,
-) -> Picture:
+) -> Chart:
     """Describe the error that each candidate leaves as bars, the best on top; a bar's length is its gain.
 
     The axis begins at 0, so that a small gain looks small.
@@ -71,9 +71,9 @@ def ranking(
         "indistinguishable from it": (TWIN, [k for k in order if k in twins and k != accepted]),
         "other": (OTHER, [k for k in order if k not in twins and k != accepted]),
     }
-    marks: list[Mark] = [] if floor_db is None else _floor(floor_db, low, "x", "dB", 2)
+    marks: list[ChartMark] = [] if floor_db is None else _floor(floor_db, low, "x", "dB", 2)
     marks += [
-        Bars(
+        RowBars(
             y=[order.index(k) for k in some],
             x=levels[some],
             base=baseline_db,
@@ -91,10 +91,10 @@ def ranking(
     more = f"; {hidden} worse ones are not shown" if hidden else ""
     named = rows([broken(shorten(str(labels[k]), 96), 50) for k in order])
     size = style.WIDTH, 1.25 + 0.3 * len(order)
-    return Picture(marks, Axis(xlabel + more, (low, high)), named, title, 110 + 30 * len(order), size)
+    return Chart(marks, Axis(xlabel + more, (low, high)), named, title, 110 + 30 * len(order), size)
 
 
-def _floor(level: float, low: float, along: str, unit: str, digits: int) -> list[Mark]:
+def _floor(level: float, low: float, along: str, unit: str, digits: int) -> list[ChartMark]:
     """Return the noise floor, shaded from the beginning of the axis."""
     line = Rule(
         value=level,
@@ -108,7 +108,7 @@ def _floor(level: float, low: float, along: str, unit: str, digits: int) -> list
 
 def probability(
     hypotheses: Sequence[tuple[str, float]], *, title: str = "", at_most: int = 12, accepted: int = 0
-) -> Picture:
+) -> Chart:
     """Describe the probabilities of hypotheses as bars, in the order in which they are given.
 
     Parameters
@@ -124,7 +124,7 @@ def probability(
     shown = list(enumerate(hypotheses))[:at_most]
     groups = [[one for one in shown if one[0] == accepted], [one for one in shown if one[0] != accepted]]
     bars = [
-        Bars(
+        RowBars(
             y=[k for k, _ in some],
             x=[float(p) for _, (_, p) in some],
             colour=colour,
@@ -140,7 +140,7 @@ def probability(
     ticks = np.linspace(0, 1, 6).tolist()
     scale = Axis(f"probability{more}", (0, 1.25), (ticks, [f"{100 * t:.0f} %" for t in ticks]))
     named = rows([broken(shorten(s, 96), 50) for _, (s, _) in shown])
-    return Picture(bars, scale, named, title, 80 + 30 * len(shown), (style.WIDTH, 0.9 + 0.3 * len(shown)))
+    return Chart(bars, scale, named, title, 80 + 30 * len(shown), (style.WIDTH, 0.9 + 0.3 * len(shown)))
 
 
 def staircase(
@@ -153,7 +153,7 @@ def staircase(
     unit: str = "dB",
     digits: int = 2,
     names: tuple[str, str] = ("on the lines of the fit", "on held-out lines"),
-) -> Picture:
+) -> Chart:
     """Describe the error of the nominal model, of the fitted one, and after each added effect.
 
     Parameters
@@ -206,7 +206,7 @@ def staircase(
     ]
     x = columns([broken(step[0], 18 if n <= 3 else 12) for step in steps])
     size = min(style.WIDTH, 2.6 + 1.15 * n), 3.4
-    return Picture(marks, x, Axis(ylabel, (low, float(high + room))), title, height, size)
+    return Chart(marks, x, Axis(ylabel, (low, float(high + room))), title, height, size)
 
 
 def error_bars(
@@ -216,7 +216,7 @@ def error_bars(
     floor_db: float | None = None,
     title: str = "",
     label: str = "error [dB]",
-) -> Picture:
+) -> Chart:
     """Describe errors by sensor or by band as groups of bars, one colour for each model.
 
     Parameters
@@ -230,11 +230,11 @@ def error_bars(
     title, label : str
     """
     thickness = 0.75 / max(len(errors), 1)
-    marks: list[Mark] = [] if floor_db is None else _floor(floor_db, 0.0, "x", "dB", 2)
+    marks: list[ChartMark] = [] if floor_db is None else _floor(floor_db, 0.0, "x", "dB", 2)
     for n, (model, values) in enumerate(errors.items()):
         known = np.asarray(values, dtype=float)
         marks.append(
-            Bars(
+            RowBars(
                 y=np.arange(known.size) + (n - (len(errors) - 1) / 2) * thickness,
                 x=known,
                 thickness=thickness,
@@ -247,7 +247,7 @@ def error_bars(
         )
     row = 24 * max(len(errors), 1)
     named, size = rows([shorten(s, 16) for s in names]), (style.WIDTH, 1.1 + row * len(names) / 120)
-    return Picture(marks, Axis(label), named, title, 110 + row * len(names), size)
+    return Chart(marks, Axis(label), named, title, 110 + row * len(names), size)
 
 
 def position(
@@ -260,7 +260,7 @@ def position(
     floor: float | None = None,
     member: str = "",
     title: str = "",
-) -> Picture:
+) -> Chart:
     """Describe the error over the place of an effect along a member.
 
     Parameters
@@ -287,7 +287,7 @@ def position(
     low, high = min([error.min(), at_best, *levels]), max([error.max(), *levels])
     pad = 0.14 * max(high - low, 1e-3)
     low, high = float(low - pad), float(high + pad)
-    marks: list[Mark] = [] if floor is None else _floor(floor, low, "y", "dB", 1)
+    marks: list[ChartMark] = [] if floor is None else _floor(floor, low, "y", "dB", 1)
     if interval is not None:
         marks.append(
             Span(low=interval[0], high=interval[1], colour=style.HELD_OUT, name="confidence interval")
@@ -304,4 +304,4 @@ def position(
         at = np.full(places.size, low + 0.03 * (high - low))
         marks.append(Curve(x=places, y=at, symbol="^", colour=style.SENSOR, name="sensors"))
     x = Axis(f"place along {member or 'the member'} [m]", (float(s[0]), float(s[-1])))
-    return Picture(marks, x, Axis("error [dB]", (low, high)), title, 290, (5.6, 2.9))
+    return Chart(marks, x, Axis("error [dB]", (low, high)), title, 290, (5.6, 2.9))

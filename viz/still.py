@@ -14,30 +14,30 @@ from matplotlib.patches import Patch
 
 from viz import style
 from viz.axes import heat_map, legend_above
-from viz.picture import Axis, Band, Bars, Curve, Mark, Matrix, Panel, Picture, Rule, Span
+from viz.chart import Axis, Band, Chart, ChartMark, Curve, Matrix, Panel, RowBars, Rule, Span
 
 POINT = 0.75
 """A pixel of an interactive figure in a still one [pt]."""
 
 
-def draw(pictures: Picture | Sequence[Picture], title: str = "") -> Figure:
+def draw(charts: Chart | Sequence[Chart], title: str = "") -> Figure:
     """Return a description as a matplotlib figure, or several of one kind in two columns under a title."""
-    shown = [pictures] if isinstance(pictures, Picture) else list(pictures)
-    title = title or shown[0].title * isinstance(pictures, Picture)
+    shown = [charts] if isinstance(charts, Chart) else list(charts)
+    title = title or shown[0].title * isinstance(charts, Chart)
     across, parts = min(len(shown), 2), [1.0, *(panel.part for panel in shown[0].below)]
     deep, (width, height) = -(-len(shown) // across), shown[0].size
     keys: dict[str, Any] = {}
     with style.look():
         figure = style.new_figure(width, height * (deep if deep == 1 else 0.8 * deep) + 0.25 * bool(title))
         grid = figure.add_gridspec(len(parts) * deep, across, height_ratios=parts * deep)
-        for k, picture in enumerate(shown):
-            spans = [mark for mark in picture.marks if isinstance(mark, Span)]
-            below = [replace(panel, marks=[*spans, *panel.marks]) for panel in picture.below]
-            panels = [Panel(picture.marks, picture.y, 1.0), *below]
+        for k, chart in enumerate(shown):
+            spans = [mark for mark in chart.marks if isinstance(mark, Span)]
+            below = [replace(panel, marks=[*spans, *panel.marks]) for panel in chart.below]
+            panels = [Panel(chart.marks, chart.y, 1.0), *below]
             row, column = divmod(k, across)
             axes = [figure.add_subplot(grid[len(parts) * row + n, column]) for n in range(len(panels))]
             for n, (ax, panel) in enumerate(zip(axes, panels, strict=True)):
-                keys |= _draw_panel(ax, panel, picture.x)
+                keys |= _draw_panel(ax, panel, chart.x)
                 if n + 1 < len(panels) or k + across < len(shown):
                     ax.set_xlabel("")
                     ax.tick_params(labelbottom=n + 1 == len(panels))
@@ -45,9 +45,9 @@ def draw(pictures: Picture | Sequence[Picture], title: str = "") -> Figure:
                 if left is not None and left.get_ylabel() == ax.get_ylabel():  # units may differ
                     ax.set_ylabel("")
                     ax.tick_params(labelleft=n == 0)
-            if picture.title != title:
-                axes[0].set_title(picture.title)
-            if picture.equal:
+            if chart.title != title:
+                axes[0].set_title(chart.title)
+            if chart.equal:
                 axes[0].set_aspect("equal", adjustable="datalim")
         areas = {
             name: key for name, key in keys.items() if isinstance(key, Patch | Collection)
@@ -93,7 +93,7 @@ def _set(ax: Axes, which: Literal["x", "y"], axis: Axis) -> None:
 
 
 @singledispatch
-def _draw(mark: Mark, ax: Axes) -> Any:
+def _draw(mark: ChartMark, ax: Axes) -> Any:
     """Draw a mark and return its key of the legend."""
     raise NotImplementedError(type(mark))
 
@@ -117,7 +117,7 @@ def _(mark: Curve, ax: Axes) -> Any:
 
 
 @_draw.register
-def _(mark: Bars, ax: Axes) -> Any:
+def _(mark: RowBars, ax: Axes) -> Any:
     ends = np.asarray(mark.x, dtype=float)
     look: dict[str, Any] = {"facecolor": mark.colour, "edgecolor": "white", "linewidth": 0}
     at, hatch = np.asarray(mark.y, dtype=float), 4 * mark.hatch or None
@@ -130,10 +130,7 @@ def _(mark: Bars, ax: Axes) -> Any:
 @_draw.register
 def _(mark: Matrix, ax: Axes) -> Any:
     cells, norm = np.asarray(mark.cells, dtype=float), Normalize(*mark.limits)
-    image = heat_map(ax, cells, mark.colours, norm, mark.digits or 0, numbers=mark.digits is not None)
-    bar = ax.figure.colorbar(image, ax=ax, fraction=0.05, pad=0.02, aspect=30)
-    bar.set_label(mark.label)
-    bar.outline.set_visible(False)
+    heat_map(ax, cells, mark.colours, norm, mark.label, mark.digits)
 
 
 @_draw.register

@@ -116,21 +116,6 @@ def hermite(xi: ArrayLike, length: float, ends: ArrayLike, rotations: ArrayLike)
     return np.stack([linear @ u[:, 0], v, w], axis=1), np.stack([linear @ theta[:, 0], -dw, dv], axis=1)
 
 
-def line_rotations(points: ArrayLike, lines: ArrayLike) -> Floats:
-    """Return default local axes of lines: x along, z as upright as possible, shape (n_lines, 3, 3).
-
-    Vertical lines take global y for their local y.
-    """
-    points, lines = np.asarray(points, dtype=float), np.asarray(lines, dtype=np.int64)
-    x = points[lines[:, 1]] - points[lines[:, 0]]
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    y = np.cross([0.0, 0.0, 1.0], x)
-    upright = np.linalg.norm(y, axis=1) < 1e-6
-    y[upright] = [0.0, 1.0, 0.0]
-    y /= np.linalg.norm(y, axis=1, keepdims=True)
-    return np.stack([x, y, np.cross(x, y)], axis=1)
-
-
 def extrude(
     points: ArrayLike,
     lines: ArrayLike,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.colors import Normalize
+from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from updating.inference.regularisation import LCurve
 from updating.inference.updated import Updated
 from viz import style
+from viz.chart import Chart, Matrix, columns, rows
+from viz.curves import l_curve
 from viz.layout import shorten
+from viz.still import draw
 
 __all__ = ["plot_bootstrap", "plot_convergence", "plot_correlation", "plot_l_curve", "plot_parameters"]
 
@@ -148,19 +151,10 @@ def plot_correlation(updated: Updated, title: str = "") -> Figure:
         Heading.
     """
     names = [shorten(name, 24) for name in updated.names]
-    n = len(names)
-    with style.look():
-        size = 1.8 + 0.28 * n
-        figure = style.new_figure(width=size + 1.2, height=size)
-        ax = figure.add_subplot()
-        image = ax.imshow(updated.correlation, cmap="RdBu_r", norm=Normalize(-1, 1))
-        ax.set_xticks(range(n), names, rotation=90)
-        ax.set_yticks(range(n), names)
-        ax.grid(visible=False)
-        figure.colorbar(image, ax=ax, label="correlation [-]")
-        if title:
-            ax.set_title(title)
-    return figure
+    cells, size = np.asarray(updated.correlation), 1.8 + 0.28 * len(names)
+    colours = colormaps["RdBu_r"]
+    marks = [Matrix(cells=cells, colours=colours, limits=(-1.0, 1.0), label="correlation [-]")]
+    return draw(Chart(marks, columns(names), rows(names), title, size=(size + 1.2, size)))
 
 
 def plot_l_curve(curve: LCurve, title: str = "") -> Figure:
@@ -172,24 +166,10 @@ def plot_l_curve(curve: LCurve, title: str = "") -> Figure:
     title : str
         Heading.
     """
-    with style.look():
-        figure = style.new_figure(width=5.0, height=3.8)
-        ax = figure.add_subplot()
-        ax.loglog(curve.misfit, curve.size, color=style.BLUE)
-        k = curve.corner
-        ax.plot(curve.misfit[k], curve.size[k], "o", color=style.VERMILION)
-        word = "corner" if curve.distinct else "no distinct corner"
-        ax.annotate(
-            f"{word}: λ = {curve.chosen:.3g}",
-            (curve.misfit[k], curve.size[k]),
-            xytext=(8, 8),
-            textcoords="offset points",
-        )
-        ax.set_xlabel("misfit ‖A x - b‖ [standard deviations]")
-        ax.set_ylabel("size ‖L x‖")
-        if title:
-            ax.set_title(title)
-    return figure
+    word = "corner" if curve.distinct else "no distinct corner"
+    labels = "misfit ‖A x - b‖ [standard deviations]", "size ‖L x‖"
+    marked = {f"{word}: λ = {curve.chosen:.3g}": curve.corner}
+    return draw(l_curve(curve.misfit, curve.size, marked, labels, title))
 
 
 def _cycle(n: int) -> list[str]:

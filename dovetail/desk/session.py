@@ -47,7 +47,7 @@ from updating.quality.corrections import Fault
 NOMINAL = "nominal model"
 FITTED = "uncertain parameters fitted"
 RANKED_UNASKED = 500
-"""At most this many candidates are ranked after each fit; more are ranked when the user asks [-]."""
+"""Number of candidates that are ranked after each fit without a request [-]."""
 
 
 SAME_SPOT = 0.02

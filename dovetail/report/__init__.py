@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from dovetail.report.pictures import draw_all
     from dovetail.report.probable import label_of, probability_text
     from dovetail.report.report import report_html
+    from dovetail.report.sections.assumptions import thresholds
     from dovetail.report.sections.mode_shapes import mode_heading, partner_shapes, quadrature_shapes
     from dovetail.report.shown import Shown
-    from dovetail.report.small_print import notes, thresholds
     from dovetail.report.table import Column, Table, write_csv, write_xlsx
     from dovetail.report.words import departure_text, fitted_text, headline, level_label, parameter_text
 else:
@@ -45,7 +45,6 @@ __all__ = [
     "make_all",
     "marked_places",
     "mode_heading",
-    "notes",
     "packed",
     "pair_errors",
     "parameter_text",

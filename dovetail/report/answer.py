@@ -1,13 +1,12 @@
 """The first screen of a report: verdict, probability, staircase, and the structure with the place."""
 
 from dovetail.report import words
-from dovetail.report.blocks import Block, Group, Heading, Items, Plot, ReportSection, Text
-from dovetail.report.confidence import confidence
+from dovetail.report.blocks import Block, Group, Plot, Text
 from dovetail.report.drawn import test_in_words
 from dovetail.report.probable import probability_text
 from dovetail.report.sections import staircase
 from dovetail.report.shown import TURN, Shown
-from dovetail.result import RunResult, by_frfs
+from dovetail.result import RunResult
 from updating.diagnosis.verdict import EFFECT, FAULT, NOTHING, UNEXPLAINED, Verdict
 
 CLASS = {EFFECT: "effect", NOTHING: "nothing", FAULT: "fault", UNEXPLAINED: "unexplained"}
@@ -46,27 +45,3 @@ def _structure(result: RunResult[Verdict], shown: Shown) -> Plot:
         caption += "; diamonds mark the places of other explanations"
     caption += ". A click on a sensor shows its FRFs below." if result.comparisons else "."
     return shown.figure("model", f"{alt}.", caption, ["structure"], hint=TURN)
-
-
-def how_sure(result: RunResult[Verdict], shown: Shown) -> ReportSection:
-    """Return how sure the verdict is, the errors of the steps, and advice."""
-    d = result.diagnosis
-    if not by_frfs(d):
-        text = (
-            "Errors are root mean squares of ln(f computed / f measured). Hypotheses are ranked by their "
-            "evidence; held-out modes do not count."
-        )
-        return ReportSection("How sure", [Items(confidence(result)), staircase.block(d), Text(text)])
-    text = (
-        "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
-        f"{'also counts the phase, ' if d.problem.data.phase else ''}gives outliers less weight, "
-        "and corrects small errors of single modes. "
-    )
-    if d.posterior:
-        text += (
-            "Hypotheses are ranked by their evidence, with a separate error level in each of up to four "
-            "bands. Held-out lines do not count."
-        )
-    advice = [Heading("Advice"), Items(words.advice(result))] if d.verdict == UNEXPLAINED else []
-    blocks = [Items(confidence(result)), staircase.block(d, result.held_out_channels), Text(text), *advice]
-    return ReportSection("How sure", blocks)

@@ -12,8 +12,8 @@ from plotly.graph_objects import Figure
 
 from dovetail.report.blocks import Picture
 from viz import still
+from viz.chart import Chart
 from viz.interactive import live
-from viz.picture import Picture as Drawing
 from viz.style import save
 
 DPI = 130
@@ -61,7 +61,7 @@ class Album:
 
         def drawn(file: Path) -> Any:
             made = plot(*args, **more)
-            save(still.draw(made) if isinstance(made, Drawing) else made, file, DPI)
+            save(still.draw(made) if isinstance(made, Chart) else made, file, DPI)
 
         self.add(name, alt, caption, drawn)
 
@@ -83,11 +83,11 @@ class Figures:
     data: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
 
-    def add(self, name: str, make: Callable[[], Figure | Drawing | None]) -> None:
+    def add(self, name: str, make: Callable[[], Figure | Chart | None]) -> None:
         """Make a figure; one that cannot be made is left out and named."""
         try:
             made = make()
-            figure = live.draw(made) if isinstance(made, Drawing) else made
+            figure = live.draw(made) if isinstance(made, Chart) else made
         except Exception as reason:
             self.failures.append(
                 f"The figure {name} could not be made ({type(reason).__name__}: {reason}); "

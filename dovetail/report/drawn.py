@@ -16,9 +16,9 @@ from updating.diagnosis.findings import Ranked
 from updating.diagnosis.localisation import Localisation
 from updating.diagnosis.verdict import Verdict
 from updating.measurement.measurement import Sensor
+from viz.chart import Chart
 from viz.curves import error_curves, frf_errors
 from viz.interactive.solids import MarkedPlace
-from viz.picture import Picture
 
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 """Names of the curves of the last step."""
@@ -63,7 +63,7 @@ def compared_models(result: FrfResult) -> Models:
     )
 
 
-def frf_error(result: FrfResult) -> Picture:
+def frf_error(result: FrfResult) -> Chart:
     """Return the figure of the error of all FRFs together over frequency."""
     d = result.diagnosis
     noise = np.abs(d.measured.H) * np.broadcast_to(d.problem.data.noise, d.measured.H.shape)

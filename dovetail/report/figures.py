@@ -35,13 +35,13 @@ from fem.analysis.modes import Modes
 from fem.model import Model
 from updating.diagnosis.verdict import Verdict
 from updating.plan.plan import Plan
+from viz.chart import Axis, Chart
 from viz.curves import COHERENCE, MAGNITUDE, MEASURED, PHASE, Curves, frf, frf_curves
 from viz.heat_maps import error_map
 from viz.interactive.live import axis_title
 from viz.interactive.model import model_figure
 from viz.interactive.modes import MeasuredShape, modes_figure
 from viz.interactive.plan import Wording, sizes_figure
-from viz.picture import Axis, Picture
 
 MOST_VALUES = 1_200_000
 """Numbers of all FRFs together; of more lines every second, third … is kept."""
@@ -119,12 +119,12 @@ def _misfit(result: FrfResult) -> Figure | None:
     )
 
 
-def _error_map(result: FrfResult, step: int) -> Picture:
+def _error_map(result: FrfResult, step: int) -> Chart:
     c = result.comparisons[step]
     return error_map(c.by_band(), c.outputs, error_bands(result), limits=(0.0, misfit_limit(result)))
 
 
-def _frf(result: FrfResult, figures: Figures) -> Picture:
+def _frf(result: FrfResult, figures: Figures) -> Chart:
     d = result.diagnosis
     compared = compared_models(result)
     frfs: dict[str, FRF] = dict(compared.frfs)

@@ -1,50 +1,57 @@
 """The report: one HTML file with everything in it, for an engineer who has not seen the study before."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from dovetail.report.answer import answer, how_sure
-from dovetail.report.blocks import Report, ReportSection
-from dovetail.report.compared import check_first, compared, gates
+from dovetail.report.answer import answer
+from dovetail.report.blocks import Report
 from dovetail.report.drawings import Album, Figures
 from dovetail.report.figures import make_all
-from dovetail.report.misfit import misfit
-from dovetail.report.missing import measure_next, missing, places, poor_baseline
 from dovetail.report.page import report_page
-from dovetail.report.responses import faults, frfs, modes, uncertain
-from dovetail.report.sections import rounds
+from dovetail.report.sections import (
+    about,
+    assumptions,
+    check_first,
+    compared,
+    faults,
+    frfs,
+    gates,
+    how_sure,
+    measure_next,
+    misfit,
+    missing,
+    modes,
+    notes,
+    places,
+    poor_baseline,
+    rounds,
+    uncertain,
+)
 from dovetail.report.shown import Shown
-from dovetail.report.small_print import about, assumptions, notes
-from dovetail.result import RunResult, by_frfs, by_modes_alone
+from dovetail.result import RunResult
 from fem.io.atomic import replacing
 from updating.diagnosis.verdict import Verdict
 
-
-def _always(d: Verdict) -> bool:
-    return True
-
-
-SECTIONS: tuple[tuple[Callable[[Verdict], bool], Callable[[RunResult[Any], Shown], ReportSection]], ...] = (
-    (_always, check_first),
-    (by_modes_alone, poor_baseline),
-    (_always, how_sure),
-    (_always, compared),
-    (by_frfs, gates),
-    (by_frfs, misfit),
-    (_always, missing),
-    (by_frfs, rounds.page),
-    (by_frfs, frfs),
-    (_always, modes),
-    (_always, uncertain),
-    (by_modes_alone, places),
-    (_always, measure_next),
-    (by_frfs, faults),
-    (_always, notes),
-    (_always, assumptions),
-    (_always, about),
+SECTIONS = (
+    check_first,
+    poor_baseline,
+    how_sure,
+    compared,
+    gates,
+    misfit,
+    missing,
+    rounds,
+    frfs,
+    modes,
+    uncertain,
+    places,
+    measure_next,
+    faults,
+    notes,
+    assumptions,
+    about,
 )
-"""Sections in their order, each with what tells whether it applies; an empty one is left out."""
+"""Sections in their order: each tells whether it applies to a verdict; an empty one is left out."""
 
 
 def write_report(result: RunResult[Verdict], album: Album, path: Path) -> None:
@@ -60,7 +67,7 @@ def report_html(result: RunResult[Verdict], album: Album, figures: Figures | Non
     return report_page(report(result, shown), shown.scripts())
 
 
-def report(result: RunResult[Verdict], shown: Shown) -> Report:
+def report(result: RunResult[Any], shown: Shown) -> Report:
     """Return the report as blocks."""
-    sections = [make(result, shown) for applies, make in SECTIONS if applies(result.diagnosis)]
+    sections = [section.page(result, shown) for section in SECTIONS if section.applies(result.diagnosis)]
     return Report(result.study.name, result.diagnosis.verdict, answer(result, shown), sections)

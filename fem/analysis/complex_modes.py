@@ -171,7 +171,7 @@ class ComplexModes:
 
 
 class _Residual(NamedTuple):
-    """What a pole and its vector leave of their equation."""
+    """Residual of the eigenvalue equation for a pole and its vector."""
 
     correction: NDArray[np.complex128]  # G⁻¹ Z(s) x
     size: float  # relative to the vector

@@ -38,8 +38,8 @@ Unless rounding of the forces out of balance makes a larger one."""
 
 _ROUNDS = 100
 
-_SAME = 1e-3
-"""Relative change of the displacements from which on the factor of a round serves the next [-]."""
+REUSE_FACTOR_BELOW = 1e-3
+"""Reuse the last factor while displacements change by less than this, relatively [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,11 +94,11 @@ def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
     """
     system = model if isinstance(model, System) else assemble(model)
     loading, K = Loading.of(system.model, case), full_matrices(system.model)["K"]
-    wide = replace(system, K=on_pattern(system.K, stiffness_pattern(system)))
+    padded = replace(system, K=on_pattern(system.K, stiffness_pattern(system)))
     b = loading.on_coordinates(system, K)
     factor, q = None, b
     if system.n_free:
-        factor = factor_stiffness(wide)
+        factor = factor_stiffness(padded)
         q = factor.solve(b)
         q += factor.solve(b - system.K @ q)
     elastic = line_stiffness(system.model)
@@ -120,8 +120,8 @@ def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
         b = loading.on_coordinates(system, K + K_G)
         new = q
         if factor is not None:
-            if change > min(_SAME, 0.1 * before) or not k:
-                factor = _factor(system, wide, stressed, factor, case, first)
+            if change > min(REUSE_FACTOR_BELOW, 0.1 * before) or not k:
+                factor = _factor(system, padded, stressed, factor, case, first)
             new = q + factor.solve(b - stressed @ q)
         change, before = _change(system, new, q), change
         q = new
@@ -156,13 +156,13 @@ def _on_q(system: System, X: Any) -> Any:
 
 
 def _factor(
-    system: System, wide: System, stressed: Any, like: Factor, case: LoadCase, first: StaticSolution
+    system: System, padded: System, stressed: Any, like: Factor, case: LoadCase, first: StaticSolution
 ) -> Factor:
     """Factorise K + K_G; raises an error if it is not positive definite, so that the structure buckles.
 
     K being so, K + λ K_G is for 0 ≤ λ ≤ 1 if it is for λ = 1: the least positive load factor is above 1.
     """
-    A = on_pattern(stressed, wide.K)
+    A = on_pattern(stressed, padded.K)
     try:
         factor = factorise(A, like)
         stable = not n_negative(A, factor)

@@ -33,7 +33,7 @@ class StaticCases:
     Attributes
     ----------
     solutions : tuple of StaticSolution
-        One of all cases, or one for each where each has a stiffness of its own.
+        One for all cases, or one for each case if their stiffnesses differ.
     factors : mapping of str to float
         Load factors of buckling by load case, of second-order responses.
     slack : mapping of str to tuple of str

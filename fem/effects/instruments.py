@@ -68,7 +68,7 @@ class SensorMass(_InstrumentMass):
 
     @property
     def where(self) -> Site:
-        """How many places."""
+        """The number of places."""
         return Site(f"the {len(self.points)} places of sensors")
 
     @classmethod
@@ -111,7 +111,7 @@ class DriverMass(_InstrumentMass):
 
     @property
     def where(self) -> Site:
-        """Where the excitations are."""
+        """The excitations."""
         return Site(f"excitation{'s' if len(self.points) > 1 else ''} at {', '.join(self.names)}")
 
     @classmethod

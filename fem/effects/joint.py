@@ -152,7 +152,7 @@ class PointPair(Effect):
         return ()
 
     def locations(self, model: Model) -> NDArray[np.float64]:
-        """Where it acts."""
+        """Return its place, (1, 3) [m]."""
         return self.location[None]
 
 

@@ -48,7 +48,7 @@ def members_at(model: Model) -> dict[int, list[tuple[str, float]]]:
 
 
 def sides_of(model: Model) -> Iterator[tuple[Joint, int, list[tuple[str, float]]]]:
-    """Yield joint, side, and members with arc lengths [m] there, of each side of an elastic joint on members."""
+    """Yield joint, side, and members with arc lengths [m], of each side of an elastic joint on members."""
     if not model.of_kind(Frame):
         return
     on = members_at(model)
@@ -163,7 +163,7 @@ class AlongMember(OnSide):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
-        """Return each elastic foot along each member there, or each side of each elastic joint of two parts."""
+        """Return each elastic foot along its members, or each side of each elastic joint of two parts."""
         out = []
         for joint, side, here in sides_of(model):
             if is_foot(joint) != cls.of_feet or (len(here) > 1 and not cls.of_feet):

@@ -71,7 +71,7 @@ class SectionShear(Effect):
 
     @property
     def where(self) -> Site:
-        """How many members."""
+        """The number of members with walls."""
         n = sum(map(len, self.groups.values()))
         return Site(f"{n} members with walls" if n > 1 else "the member with walls")
 

@@ -94,7 +94,7 @@ class SolidCorner(Effect):
 
     @property
     def where(self) -> Site:
-        """How many."""
+        """The number of corners."""
         return Site(f"{self.n_corners} welded corners" if self.n_corners > 1 else "the welded corner")
 
     def parameters(self) -> tuple[Parameter, ...]:

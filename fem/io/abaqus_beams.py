@@ -22,7 +22,7 @@ OFFSETS = ("RECT", "BOX", "CIRC", "PIPE")
 
 
 class Beam(NamedTuple):
-    """What a section keyword gives.
+    """Data of a section keyword.
 
     Attributes
     ----------

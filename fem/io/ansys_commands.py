@@ -12,7 +12,7 @@ from fem.io.ansys_state import ELEM, NODE, AnsysState
 from fem.io.ansys_systems import GLOBAL, AnsysSystem, angles_of, rotation
 
 _UNBLOCKED = ("R5", "UNBL")
-"""How the first field of a command begins in an archive of CDWRITE,…,UNBLOCKED."""
+"""Beginning of the first field of a command in an archive of CDWRITE,…,UNBLOCKED."""
 
 
 def _unblocked(c: Command) -> bool:

@@ -115,7 +115,7 @@ def frf_of_columns(path: Path, asked: Asked) -> Reading:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """What the header says of a column.
+    """One column as its header describes it.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class _Curve:
 
     @property
     def name(self) -> str:
-        """What the file calls it."""
+        """Its name in the file."""
         return self.first.names[0] if self.first.names else f"column {self.first.at + 1}"
 
 

@@ -36,7 +36,7 @@ class DeckFile:
 
 @dataclass(slots=True)
 class DeckBudget:
-    """How much may still be generated."""
+    """Number of items that may still be generated."""
 
     remaining: int = MOST_GENERATED
 

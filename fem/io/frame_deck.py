@@ -21,7 +21,7 @@ def _nothing(*shape: int) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class BarProperty:
-    """What bars of one property share.
+    """Values that bars of one property share.
 
     Attributes
     ----------

@@ -20,12 +20,12 @@ FORMS = (
     "magnitude",
     "decibel",
 )
-"""What the values of an FRF may be."""
+"""Forms of the values of an FRF."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What the user says of a file of FRFs; each reader uses some of it.
+    """Statements of the user on a file of FRFs; each reader uses some of them.
 
     Attributes
     ----------

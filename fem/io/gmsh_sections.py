@@ -28,7 +28,7 @@ LARGEST_INTEGER = 2**53
 
 @dataclass(frozen=True, slots=True)
 class GmshSection:
-    """Where a section's content begins and ends in the file, and the line of its name."""
+    """Ends of a section's content in the file, and the line of its name."""
 
     name: str
     begin: int

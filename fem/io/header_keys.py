@@ -58,7 +58,7 @@ _PART_WORDS = {"amplitude", "magnitude", "modulus", "phase"}
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """What keys say of a column.
+    """A column as keys describe it.
 
     Attributes
     ----------

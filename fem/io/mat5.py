@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fem.io.arrays import TableError
 
 MARK = b"MATLAB 5.0 MAT-file"
-"""How such a file begins."""
+"""First bytes of such a file."""
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15

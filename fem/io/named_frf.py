@@ -139,7 +139,7 @@ USUAL: dict[str, tuple[str, ...]] = {
     ),
     "kind": ("kind", "frfkind", "frftype"),
 }
-"""What arrays are usually called, in small letters without other marks."""
+"""Usual names of arrays, in small letters without punctuation."""
 
 ANGULAR = ("omega", "w", "angularfrequency")
 TEXTS = ("outputs", "inputs", "kind")

@@ -28,7 +28,7 @@ OF_ELEMENT = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
-    """What one property card gives.
+    """Data of one property card.
 
     Attributes
     ----------

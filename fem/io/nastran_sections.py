@@ -16,7 +16,7 @@ from fem.materials import PropertyError
 from fem.sections.section import Section
 
 NEGLIGIBLE: Final = 1e-6
-"""A constant that a card has as zero, over the others: sections of beams need all of them."""
+"""Stand-in for a constant that a card gives as zero, relative to the others: beams need all [-]."""
 
 
 def section_of_constants(

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from fem.matrices import MatricesError
 
 _FORMAT = re.compile(r"(?:1P,)?(\d+)[ED](\d+)\.\d+", re.IGNORECASE)
-_MOST_WORDS = 2**33
 _SYMMETRIC = 6
 _FORMS = {1: "square", 2: "rectangular", 6: "symmetric"}
 _MOST_ROWS = 20_000_000

@@ -32,7 +32,7 @@ ENDINGS = (".mtx", *DMIG, ".op4", *HARWELL_BOEING, ".mat")
 """Endings of files that :func:`read_part` reads."""
 
 _NUMBER = frozenset("-0123456789")
-"""How an entry of ``*MATRIX OUTPUT`` begins; internal nodes of Abaqus have negative numbers."""
+"""Beginning of an entry of ``*MATRIX OUTPUT``; internal nodes of Abaqus have negative numbers."""
 
 
 def read_part(path: Path, deck: Path | None = None, *, ordered: bool = True) -> dict[str, Any]:

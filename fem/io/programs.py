@@ -18,7 +18,7 @@ SUFFIXES: Final[Mapping[str, tuple[str, ...]]] = {
 
 _SIGNS = {NASTRAN: "BEGIN BULK, SOL or GRID", ABAQUS: "*NODE or *HEADING", ANSYS: "/PREP7, ET or NBLOCK"}
 ALLOWED = "; ".join(f"{', '.join(s)} or a text with {_SIGNS[p]} ({p})" for p, s in SUFFIXES.items())
-"""How decks are known, for messages."""
+"""Names of the programs of decks, for messages."""
 
 MOST_READ = 1_000_000
 """Bytes of a file in which a line that tells its program is looked for."""

@@ -189,8 +189,8 @@ def frf_refusal(function: Function, kind: FRFKind | None) -> str:
         return fault
     if function.of_motion and function.ordinate_type not in MOTIONS:
         return (
-            f"its data types are {function.ordinate_type} over {function.denominator_type}, a motion; over a "
-            "motion stands another, of type 8, 11 or 12"
+            f"its data types are {function.ordinate_type} over {function.denominator_type}, a motion; the "
+            "numerator must be a motion, too, of type 8, 11 or 12"
         )
     if kind is None:
         return (

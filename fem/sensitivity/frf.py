@@ -18,7 +18,7 @@ from fem.summary import fields_summary
 from fem.system import System, refuse_unsymmetric
 
 LOCAL_FORCES = 48
-"""So many forces of parameters themselves join those at outputs and inputs in the reduced FRFs' basis."""
+"""Largest number of parameters' forces that join those of outputs and inputs in the basis of reduced FRFs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ import pytest
 
 from dovetail import StudyError
 from dovetail.file import element_size
-from dovetail.report.small_print import _mesh
+from dovetail.report.sections.about import _mesh
 from fem import FRF, Frame, Joint, Mesh, assemble, compute_frf, solve_modes
 from fem.io import write_mesh, write_npz, write_uff
 from tests.studies import study_from

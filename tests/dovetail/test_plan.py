@@ -12,8 +12,9 @@ from PIL import Image
 
 from dovetail import StudyError, load_study, main, pipeline
 from dovetail.plan import check_plan, plan_study
-from dovetail.report import Album, Figures, Shown, join, missing, packed, planning, sizes
+from dovetail.report import Album, Figures, Shown, join, packed, planning, sizes
 from dovetail.report.page import page
+from dovetail.report.sections import missing
 from dovetail.result import excluded_dict
 from fem import ModelError, Relevant
 from tests.dovetail.test_report_live import CHROMIUM, drawn, opened

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from dovetail import main
-from dovetail.report import Figures, Shown, html, notes
+from dovetail.report import Figures, Shown, html
+from dovetail.report.sections import notes
 from fem import Mesh, MeshError, MeshWarning
 from fem.io import read_mesh
 from fem.io.rawmesh import MOST_PAIRS, RawMesh, mesh_of
@@ -97,7 +98,7 @@ def test_the_report_has_the_notes(file):
         mesh = read_mesh(file)
     study = SimpleNamespace(model=SimpleNamespace(mesh=mesh), measured_notes=("of m.uff",))
     shown = Shown(SimpleNamespace(failures=()), Figures())
-    text = html(notes(SimpleNamespace(study=study, notes=("of the run",)), shown))
+    text = html(notes.page(SimpleNamespace(study=study, notes=("of the run",)), shown))
     assert all(f"<li>{note}</li>" in text for note in (*NOTES, "of m.uff", "of the run"))
 
 

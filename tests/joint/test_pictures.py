@@ -69,7 +69,7 @@ def test_an_l_curve_marks_its_corner():
     A = rng.standard_normal((3, 6, 6)) * np.logspace(0, -8, 6)
     curve = l_curve(A, rng.standard_normal((3, 6, 1)))
     figure = plot_l_curve(curve, chosen=1e-3)
-    texts = [t.get_text() for t in figure.get_axes()[0].texts]
+    texts = [t.get_text() for t in figure.legends[0].get_texts()]
     assert texts == [f"corner: {curve.corner:.1e}", "chosen: 1.0e-03"]
 
 

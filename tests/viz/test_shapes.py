@@ -24,9 +24,24 @@ def signed_volume(vertices, triangles):
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
 
 
+def line_rotations(points, lines):
+    """Return default local axes of lines: x along, z as upright as possible, shape (n_lines, 3, 3).
+
+    Vertical lines take global y for their local y.
+    """
+    points, lines = np.asarray(points, dtype=float), np.asarray(lines, dtype=np.int64)
+    x = points[lines[:, 1]] - points[lines[:, 0]]
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    y = np.cross([0.0, 0.0, 1.0], x)
+    upright = np.linalg.norm(y, axis=1) < 1e-6
+    y[upright] = [0.0, 1.0, 0.0]
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    return np.stack([x, y, np.cross(x, y)], axis=1)
+
+
 def one_line(section, motion=None, pieces=6, **more):
     points, lines = np.array([[0.1, 0.2, 0.3], [1.1, 1.2, 0.8]]), [[0, 1]]
-    R = surfaces.line_rotations(points, lines)
+    R = line_rotations(points, lines)
     return surfaces.extrude(points, lines, R, [section.outlines], motion, pieces=pieces, **more), points, R[0]
 
 
@@ -91,7 +106,7 @@ def test_large_deformations_keep_cross_sections_at_right_angles_to_the_bent_axis
     L = 2.0
     motion = np.array([[0, 0, 0, 0, 0, 0], [0, 0, 0.3, 0, -0.6, 0.0]])
     points = np.array([[0.0, 0, 0], [L, 0, 0]])
-    R = surfaces.line_rotations(points, [[0, 1]])
+    R = line_rotations(points, [[0, 1]])
     surface = surfaces.extrude(points, [[0, 1]], R, [BOX.outlines], motion, pieces=200)
     rings = surface.deformed(1.0).reshape(201, 8, 3)
     axis = np.gradient(rings.mean(axis=1), axis=0)[1:-1]
@@ -115,7 +130,7 @@ def test_rigid_arms_carry_the_axis_with_the_node():
     arms = np.array([[[0, 0, 0.1], [0, 0, 0.1]]])
     points = np.array([[0.0, 0, 0], [1, 0, 0]])
     motion = np.array([[0, 0, 0, 0, 0.2, 0], [0, 0, -0.2, 0, 0.2, 0.0]])  # rigid rotation about y
-    R = surfaces.line_rotations(points, [[0, 1]])
+    R = line_rotations(points, [[0, 1]])
     surface = surfaces.extrude(
         points, [[0, 1]], R, [BOX.outlines], motion, arms=arms, rigid=[[0.1, 0.2]], pieces=4
     )

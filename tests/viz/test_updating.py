@@ -63,8 +63,9 @@ def test_l_curve_marks_its_corner():
     rng = np.random.default_rng(0)
     A = rng.standard_normal((12, 6)) * 10.0 ** -np.arange(6)
     curve = l_curve(A, A @ np.ones(6) + 1e-3 * rng.standard_normal(12))
-    ax = plot_l_curve(curve).axes[0]
+    figure = plot_l_curve(curve)
+    (ax,) = figure.axes
     assert ax.get_xscale() == ax.get_yscale() == "log"
     marker = ax.lines[1].get_xydata()
     np.testing.assert_allclose(marker, [[curve.misfit[curve.corner], curve.size[curve.corner]]])
-    assert f"{curve.chosen:.3g}" in ax.texts[0].get_text()
+    assert f"{curve.chosen:.3g}" in figure.legends[0].get_texts()[0].get_text()

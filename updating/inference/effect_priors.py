@@ -1,4 +1,4 @@
-"""What is known of the parameters of effects before any data."""
+"""Priors of the parameters of effects."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -23,7 +23,7 @@ class Surrounded(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class EffectPrior:
-    """What is known beforehand of an unknown of an effect.
+    """The prior of an unknown of an effect.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a fit is of: data, a reduced model, and what may vary."""
+"""Inputs of a fit: data, a reduced model, and uncertain parameters."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 class Data(Protocol):
-    """What was measured, prepared for fits."""
+    """Measured data, prepared for fits."""
 
     @property
     def frequency(self) -> Floats:
@@ -84,11 +84,6 @@ class FitInputs(ABC, Generic[D]):
 
         It is the magnitude of force over displacement in the band of the data.
         """
-
-    @property
-    def form_right(self) -> bool:
-        """Whether the residual may only be noise and the mesh's error."""
-        return self.model_error == 0
 
     def unknowns(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]]

@@ -1,4 +1,4 @@
-"""What a diagnosis from measured modes begins with: a reduced model and its accuracy."""
+"""Preparation of a diagnosis from measured modes: a reduced model and its accuracy."""
 
 from collections.abc import Sequence
 

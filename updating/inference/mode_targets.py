@@ -109,8 +109,8 @@ class ModeTargets:
             psi, sensors = shapes_like_motions(psi, sensors)
         length = np.sqrt(np.nansum(np.abs(psi) ** 2, axis=0))
         psi = (psi / np.where(length > 0, length, 1.0))[:, order]
-        seen = np.zeros(n, dtype=bool)
-        seen[list(held_out)] = True
+        is_held_out = np.zeros(n, dtype=bool)
+        is_held_out[list(held_out)] = True
         sorted_numbers = None if numbers is None else np.asarray(numbers, dtype=np.int64)[order]
         return cls(
             frequency=f[order],
@@ -122,7 +122,7 @@ class ModeTargets:
             sensors=tuple(sensors),
             numbers=sorted_numbers,
             plane=plane,
-            held_out=seen[order],
+            held_out=is_held_out[order],
             name=name,
             driven=tuple(driven),
         )

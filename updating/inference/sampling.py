@@ -38,7 +38,7 @@ class Samples:
 
     @property
     def n_independent(self) -> float:
-        """How many independent samples they are worth."""
+        """The effective number of independent samples."""
         return len(self.values) / max(self.correlation_time, 1.0)
 
 

@@ -62,7 +62,7 @@ _MOST = 12
 """Largest number of faults that are searched for."""
 
 Score = Callable[[FitProblem, Sequence[Fault]], float]
-"""How probable a model and faults are, as a logarithm, by data that are corrected for them."""
+"""Log probability of a model and faults, by data that are corrected for them."""
 
 
 def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitResult, tuple[Fault, ...]]:

@@ -32,7 +32,7 @@ _NEIGHBOURS = 7
 
 @dataclass(frozen=True, slots=True)
 class Reciprocity:
-    """How far H_jk is from H_kj.
+    """Deviation of H_jk from H_kj.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Reciprocity:
 
 @dataclass(frozen=True, slots=True)
 class Homogeneity:
-    """How far the FRFs of another force level are from the first's.
+    """Deviation of the FRFs at another force level from those at the first.
 
     Attributes
     ----------

@@ -48,7 +48,7 @@ _NOISE_MULTIPLE = 5.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhaseEvidence:
-    """How far each FRF is causal and in phase.
+    """Deviations of each FRF from causality and from the right phase.
 
     Arrays have the shape (n_out, n_in), with NaN where nothing can be told.
 

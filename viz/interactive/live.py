@@ -10,8 +10,8 @@ from matplotlib.colors import to_rgb
 from plotly.graph_objects import Figure
 
 from viz import style
+from viz.chart import Axis, Band, Chart, ChartMark, Curve, Matrix, Panel, RowBars, Rule, Span, Values, decibel
 from viz.interactive.theme import BAR, CELL, DASHES, axis, colour_scale, key, layout, plain, single
-from viz.picture import Axis, Band, Bars, Curve, Mark, Matrix, Panel, Picture, Rule, Span, Values, decibel
 
 SYMBOLS = {
     "o": "circle",
@@ -31,34 +31,34 @@ Parts = dict[str, list[dict[str, Any]]]
 """Traces, keys that come last in the legend, shapes and notes of a mark."""
 
 
-def draw(picture: Picture) -> Figure:
+def draw(chart: Chart) -> Figure:
     """Return a description as a plotly figure."""
-    panels = [Panel(picture.marks, picture.y, 1.0), *picture.below]
+    panels = [Panel(chart.marks, chart.y, 1.0), *chart.below]
     rows, axes = _axes(panels)
     parts = [(row, _draw(mark)) for row, panel in zip(rows, panels, strict=True) for mark in panel.marks]
     traces = [{**trace, "yaxis": row} for row, some in parts for trace in some.get("traces", ())]
     keys, shapes, notes = (
         [one for _, some in parts for one in some.get(what, ())] for what in ("keys", "shapes", "notes")
     )
-    marks = picture.marks
-    x = _axis(picture.x, anchor=rows[-1])
-    if picture.compares:
+    marks = chart.marks
+    x = _axis(chart.x, anchor=rows[-1])
+    if chart.compares:
         x |= {"hoverformat": ".5~g", "unifiedhovertitle": {"text": "%{x:.5~g} Hz"}}
-    meta, more = dict(picture.meta), {}
-    if any(isinstance(mark, Bars) for mark in marks):
+    meta, more = dict(chart.meta), {}
+    if any(isinstance(mark, RowBars) for mark in marks):
         meta["short"] = axes["yaxis"]["ticktext"]  # of narrow pages, above the bars
         axes["yaxis"]["showline"], more["barmode"] = False, "overlay"
     if any(isinstance(mark, Matrix) for mark in marks):
         more["plot_bgcolor"] = CELL
-    if picture.equal:
+    if chart.equal:
         axes["yaxis"]["scaleanchor"] = "x"
     legend = any(mark.name and mark.keyed for mark in marks)
     look = layout(
-        picture.height,
-        picture.title,
+        chart.height,
+        chart.title,
         legend=legend,
         showlegend=legend,
-        hovermode="x unified" if picture.compares else "closest",
+        hovermode="x unified" if chart.compares else "closest",
         shapes=shapes,
         annotations=notes,
         meta=meta,
@@ -108,7 +108,7 @@ def _plain(text: str) -> str:
 
 
 @singledispatch
-def _draw(mark: Mark) -> Parts:
+def _draw(mark: ChartMark) -> Parts:
     """Return the parts of a mark."""
     raise NotImplementedError(type(mark))
 
@@ -148,7 +148,7 @@ def _(mark: Curve) -> Parts:
 
 
 @_draw.register
-def _(mark: Bars) -> Parts:
+def _(mark: RowBars) -> Parts:
     lengths = np.asarray(mark.x, dtype=float) - mark.base
     bars = {"y": list(mark.y), "x": lengths.tolist(), "base": [mark.base] * lengths.size}  # pyright: ignore[reportArgumentType]
     bars["width"] = mark.thickness

@@ -11,7 +11,7 @@ from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:
     from dovetail.report.shown import Shown
-    from viz.picture import Picture
+    from viz.chart import Chart
 
 MOST_PRINTED = 12
 """Explanations that are printed."""
@@ -58,7 +58,7 @@ def page(d: Verdict, shown: "Shown") -> list[Block]:
     return [Heading("How probable"), drawn, every]
 
 
-def figure(d: Verdict) -> "Picture | None":
+def figure(d: Verdict) -> "Chart | None":
     """Return the figure of the probabilities; None without any."""
     from viz.search import probability
 

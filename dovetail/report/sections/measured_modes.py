@@ -16,7 +16,7 @@ from updating.diagnosis.verdict import Verdict
 if TYPE_CHECKING:
     from dovetail.report.drawings import Album
     from dovetail.report.shown import Shown
-    from viz.picture import Picture
+    from viz.chart import Chart
 
 DEVIATIONS = (
     "Computed less measured natural frequencies, mode by mode. The bars around zero are two standard "
@@ -102,7 +102,7 @@ def page(result: RunResult[Verdict], shown: "Shown") -> list[Block | None]:
     ]
 
 
-def deviations(result: RunResult[Verdict]) -> "Picture | None":
+def deviations(result: RunResult[Verdict]) -> "Chart | None":
     """Return the figure of the deviations; None without measured modes."""
     from viz import frequencies
 
@@ -110,7 +110,7 @@ def deviations(result: RunResult[Verdict]) -> "Picture | None":
     return m and frequencies.deviations(m.measured, m.std, steps(result.diagnosis, m), m.held_out)
 
 
-def mac(result: RunResult[Verdict]) -> "Picture | None":
+def mac(result: RunResult[Verdict]) -> "Chart | None":
     """Return the figure of modal assurance criteria; None without measured shapes."""
     from viz.frequencies import mac_map
 

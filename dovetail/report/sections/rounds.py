@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from dovetail.report import cells, words
 from dovetail.report.blocks import Block, Details, Line, ReportMark, ReportSection, TableBlock, Text
 from dovetail.report.table import Column, Table
-from dovetail.result import FrfResult
+from dovetail.result import FrfResult, by_frfs
 from fem.summary import counted
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import Diagnosis
@@ -15,7 +15,9 @@ from updating.diagnosis.findings import Ranked
 
 if TYPE_CHECKING:
     from dovetail.report.shown import Shown
-    from viz.picture import Picture
+    from viz.chart import Chart
+
+applies = by_frfs
 
 HEADS = [
     "candidate",
@@ -66,7 +68,7 @@ def caption(d: Diagnosis, k: int) -> str:
     )
 
 
-def figure(d: Diagnosis, k: int) -> "Picture | None":
+def figure(d: Diagnosis, k: int) -> "Chart | None":
     """Return the figure of a round's residual levels; None of one without candidates."""
     from viz.search import ranking
 

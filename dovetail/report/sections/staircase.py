@@ -15,7 +15,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:
-    from viz.picture import Picture
+    from viz.chart import Chart
 
 WORDS: dict[str, dict[str, Any]] = {
     "dB": {
@@ -99,7 +99,7 @@ def block(d: Verdict, held_out: Mapping[str, tuple[float, ...]] | None = None) -
     return TableBlock(head, rows, numbers=range(1, len(head)))
 
 
-def figure(d: Verdict, **more: Any) -> "Picture":
+def figure(d: Verdict, **more: Any) -> "Chart":
     """Return the figure; more as :func:`viz.search.staircase`."""
     from viz.search import staircase
 

@@ -1,4 +1,4 @@
-"""The end of a report: notes, assumptions, thresholds, and the run itself."""
+"""Assumptions, the thresholds of the search, and the study file."""
 
 import ast
 import importlib
@@ -6,13 +6,14 @@ import inspect
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from dovetail.file.contents import StudyContents
-from dovetail.file.geometry import describe_sizes
 from dovetail.report import words
-from dovetail.report.blocks import Details, Facts, Items, ReportMark, ReportSection, TableBlock, Text
+from dovetail.report.blocks import Details, Items, ReportMark, ReportSection, TableBlock, Text
 from dovetail.report.shown import Shown
-from dovetail.result import RunResult, by_frfs, by_modes_alone, program_version
+from dovetail.result import RunResult, by_any, by_frfs
 from updating.diagnosis.verdict import Verdict
+
+applies = by_any
+
 
 MODULES = (
     "updating.inference.belief",
@@ -45,15 +46,7 @@ MODULES_OF_MODES = (
 """The same of a diagnosis from modes."""
 
 
-def notes(result: RunResult[Verdict], shown: Shown) -> ReportSection:
-    """Return notes for the reader on methods and limits."""
-    study = result.study
-    failures = *shown.album.failures, *shown.figures.failures
-    known = [*study.model.mesh.notes, *study.measured_notes, *result.notes, *failures]
-    return ReportSection("Notes", [Items(known)])
-
-
-def assumptions(result: RunResult[Verdict], shown: Shown) -> ReportSection:
+def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return assumptions, the thresholds of the search, and the study file."""
     rows = [
         [ReportMark(name, "code"), words.number(value) if isinstance(value, float) else str(value), text]
@@ -85,42 +78,3 @@ def thresholds(modules: Sequence[str] = MODULES) -> Iterator[tuple[str, float, s
             if isinstance(value, int | float) and not isinstance(value, bool):
                 text = str(after.value.value) if known else ""  # pyright: ignore[reportAttributeAccessIssue]
                 yield statement.targets[0].id, value, " ".join(text.replace("``", "").split())
-
-
-def _program() -> str:
-    version = program_version()
-    return "Dovetail, not installed" if version == "unknown" else f"Dovetail {version}"
-
-
-def about(result: RunResult[Verdict], shown: Shown) -> ReportSection:
-    """Return the facts of the run."""
-    d = result.diagnosis
-    facts = [
-        ("study file", result.study.path.name),
-        ("program", _program()),
-        ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
-        ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
-        _mesh(result.study),
-    ]
-    files = "result.json (for programs), found.toml, pictures/"
-    if by_frfs(d):
-        facts += [
-            ("error of the mesh", f"{d.discretisation_db:.2g} dB, estimated by halving every element"),
-            (
-                "error of the reduced basis",
-                f"{d.basis_db:.2g} dB, against direct solutions of the full model",
-            ),
-        ]
-        files += ", frf.npz (measured and computed FRFs of each step)"
-    if by_modes_alone(d):
-        level = d.calibration[0].mesh_level
-        facts.append(("error of the mesh", f"{100 * level:.2g} % of natural frequencies"))
-    return ReportSection("About this run", [Facts([*facts, ("files next to this one", files)])])
-
-
-def _mesh(study: StudyContents) -> tuple[str, str]:
-    mesh = study.model.mesh
-    if not mesh.n_lines:
-        return "mesh", f"no members; {study.model.n_dof} degrees of freedom before constraints"
-    size = f"{mesh.n_lines} elements of {describe_sizes(mesh.lengths())}"
-    return "mesh", f"{size}, {study.model.n_dof} degrees of freedom before constraints"

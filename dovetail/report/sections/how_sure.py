@@ -4,18 +4,16 @@ import math
 from collections.abc import Sequence
 
 from dovetail.report import words
+from dovetail.report.blocks import Heading, Items, ReportSection, Text
 from dovetail.report.probable import replaced_text
 from dovetail.report.sections import staircase
-from dovetail.report.words import (
-    digits_apart,
-    effect_label,
-    equal_fit_text,
-    extension_text,
-    ranked_label,
-)
-from dovetail.result import RunResult, by_frfs
+from dovetail.report.shown import Shown
+from dovetail.report.words import digits_apart, effect_label, equal_fit_text, extension_text, ranked_label
+from dovetail.result import RunResult, by_any, by_frfs
 from updating.diagnosis.findings import Finding, Ranked
-from updating.diagnosis.verdict import Verdict
+from updating.diagnosis.verdict import UNEXPLAINED, Verdict
+
+applies = by_any
 
 
 def ratio(before: float, after: float) -> float:
@@ -104,3 +102,27 @@ def _rivals(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> str:
         f"instead of {accepted.fit_db:.{n}f} dB."
     )
     return text + (MORE_PROBABLE if rival.fit_db < accepted.fit_db and rival.score < accepted.score else "")
+
+
+def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
+    """Return how sure the verdict is, the errors of the steps, and advice."""
+    d = result.diagnosis
+    if not by_frfs(d):
+        text = (
+            "Errors are root mean squares of ln(f computed / f measured). Hypotheses are ranked by their "
+            "evidence; held-out modes do not count."
+        )
+        return ReportSection("How sure", [Items(confidence(result)), staircase.block(d), Text(text)])
+    text = (
+        "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
+        f"{'also counts the phase, ' if d.problem.data.phase else ''}gives outliers less weight, "
+        "and corrects small errors of single modes. "
+    )
+    if d.posterior:
+        text += (
+            "Hypotheses are ranked by their evidence, with a separate error level in each of up to four "
+            "bands. Held-out lines do not count."
+        )
+    advice = [Heading("Advice"), Items(words.advice(result))] if d.verdict == UNEXPLAINED else []
+    blocks = [Items(confidence(result)), staircase.block(d, result.held_out_channels), Text(text), *advice]
+    return ReportSection("How sure", blocks)

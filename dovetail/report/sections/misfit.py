@@ -5,10 +5,12 @@ import numpy as np
 from dovetail.report import cells, words
 from dovetail.report.blocks import Block, Details, Heading, Plot, ReportSection, TableBlock, Text
 from dovetail.report.shown import TURN, Shown
-from dovetail.result import FrfResult, least_frac
+from dovetail.result import FrfResult, by_frfs, least_frac
+
+applies = by_frfs
 
 
-def misfit(result: FrfResult, shown: Shown) -> ReportSection:
+def page(result: FrfResult, shown: Shown) -> ReportSection:
     """Return the error by sensor and by band, and places where a change would help."""
     text = (
         "The model with fitted uncertain parameters, before any effect is added. A complete model is "

@@ -19,7 +19,7 @@ MOST_LINES = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Mark:
+class ChartMark:
     """Something drawn on the axes.
 
     Attributes
@@ -40,13 +40,13 @@ class Mark:
     keyed: bool = True
     meta: Mapping[str, str] = field(default_factory=dict)
 
-    def mapped(self, f: Callable[[Any], Any]) -> "Mark":
+    def mapped(self, f: Callable[[Any], Any]) -> "ChartMark":
         """Return a copy whose values along y are those of a function of them."""
         return self
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Values(Mark):
+class Values(ChartMark):
     """Values that readers point at, with texts for each.
 
     Attributes
@@ -101,7 +101,7 @@ class Curve(Values):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Bars(Values):
+class RowBars(Values):
     """Level bars at ``y`` from a base to ``x``; thickness in units of ``y``, hatched with ``/`` or ``x``."""
 
     y: ArrayLike
@@ -126,7 +126,7 @@ class Matrix(Values):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Band(Mark):
+class Band(ChartMark):
     """What lies between two curves over ``x``."""
 
     x: ArrayLike
@@ -139,7 +139,7 @@ class Band(Mark):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Span(Mark):
+class Span(ChartMark):
     """A range of one axis, over all of the other."""
 
     low: float
@@ -148,7 +148,7 @@ class Span(Mark):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Rule(Mark):
+class Rule(ChartMark):
     """A line across the figure at one value of an axis, with words beside it."""
 
     value: float
@@ -188,18 +188,18 @@ class Axis:
 class Panel:
     """Marks below others over the same x, as high as a part of the first ones."""
 
-    marks: Sequence[Mark]
+    marks: Sequence[ChartMark]
     y: Axis
     part: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class Chart:
     """A plane figure.
 
     Attributes
     ----------
-    marks : sequence of Mark
+    marks : sequence of ChartMark
         The later ones over the earlier ones.
     x, y : Axis
     title : str
@@ -216,7 +216,7 @@ class Picture:
         What a page knows the figure by.
     """
 
-    marks: Sequence[Mark]
+    marks: Sequence[ChartMark]
     x: Axis
     y: Axis
     title: str = ""

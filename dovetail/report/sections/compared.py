@@ -1,25 +1,22 @@
-"""The measurement in a report: warnings, data, gates."""
+"""The measured data, and how they are compared with the model."""
 
 import numpy as np
 
 from dovetail.file.contents import StudyContents
-from dovetail.report.blocks import Details, Facts, Items, ReportSection, TableBlock, Text
+from dovetail.report.blocks import Details, Facts, ReportSection, TableBlock
 from dovetail.report.drawn import held_out_bands
 from dovetail.report.shown import Shown
-from dovetail.result import FrfResult, RunResult, has_frfs
+from dovetail.result import FrfResult, RunResult, by_any, has_frfs
 from fem.mesh import Mesh
 from fem.summary import counted
 from updating.diagnosis.verdict import Verdict
 from updating.inference.fit_data import TRANSVERSE, FitData
 from updating.measurement.measurement import MOTION
 
-
-def check_first(result: RunResult[Verdict], shown: Shown) -> ReportSection:
-    """Return the probable faults of the study; nothing without any."""
-    return ReportSection("Check first", [Items(result.study.warnings)])
+applies = by_any
 
 
-def compared(result: RunResult[Verdict], shown: Shown) -> ReportSection:
+def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the measured data, and how they are compared with the model."""
     study = result.study
     facts = [("model", model_size(study.model.mesh))]
@@ -83,20 +80,6 @@ def model_size(mesh: Mesh) -> str:
     """Return how large a model is."""
     members = counted(len(mesh.members), "member")
     return f"{members}, {mesh.n_lines} beam elements, {mesh.n_points} points"
-
-
-def gates(result: FrfResult, shown: Shown) -> ReportSection:
-    """Return the tests of the measurement before the search; nothing without any."""
-    known = result.diagnosis.gates
-    rows = (
-        [[c.name, c.outcome, f"{c.found[:1].upper()}{c.found[1:]}."] for c in known.checks] if known else []
-    )
-    text = (
-        "Made before the search for effects. What fails is corrected, counted as noise, or reported as a "
-        "warning with the verdict."
-    )
-    blocks = [Text(text), TableBlock(["check", "outcome", "finding"], rows)] if known else []
-    return ReportSection("Checks of the measurement", blocks)
 
 
 def _held_out_words(result: FrfResult) -> str:

@@ -1,4 +1,4 @@
-"""The missing effects, the evidence for them, and the ranking of the other candidates."""
+"""The missing effects, the evidence for them, and measurements that would distinguish rivals."""
 
 import math
 
@@ -14,20 +14,20 @@ from dovetail.report.blocks import (
     TableBlock,
     Text,
 )
-from dovetail.report.confidence import best_of
 from dovetail.report.sections import explanations, rounds
+from dovetail.report.sections.how_sure import best_of
 from dovetail.report.shown import TURN, Shown, choice
-from dovetail.result import RunResult, by_frfs
-from fem.summary import percent
+from dovetail.result import RunResult, by_any, by_frfs
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
-from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.separation import Proposal
 from updating.diagnosis.verdict import Verdict
 
+applies = by_any
 
-def missing(result: RunResult[Verdict], shown: Shown) -> ReportSection:
+
+def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the found effects or explanations, their evidence, and measurements that would tell rivals."""
     d = result.diagnosis
     blocks: list[Block] = _found(d) if d.findings else _nothing_found(result, shown)
@@ -185,46 +185,3 @@ def _excluded(result: RunResult[Verdict], shown: Shown) -> list[Block]:
     )
     table = TableBlock(*planning.table_of_excluded(result.excluded).texts())
     return [Text(planning.EXCLUDED), table, figure]
-
-
-def poor_baseline(result: RunResult[ModeDiagnosis], shown: Shown) -> ReportSection:
-    """Return what the first of two states says of the model, where that does not explain it."""
-    judged = result.diagnosis.judged
-    if judged is None or judged.diagnosis is None:
-        return ReportSection("", ())
-    off = judged.first.missed
-    modes = [
-        [f"{k + 1}", f"{f:.5g}", f"{off[k]:+.1f}" if math.isfinite(off[k]) else "–"]
-        for k, f in enumerate(judged.first.problem.targets.frequency)
-    ]
-    causes = [[words.explanation_text(c), percent(c.probability)] for c in judged.causes]
-    text = (
-        "The calibrated model does not explain the first state. Something may be missing in both states. "
-        "The change was searched for with each of these causes in the model, and probabilities are sums "
-        "over them."
-    )
-    caption = (
-        "Frequencies of the calibrated model less the measured ones of the first state, in standard "
-        "deviations of the measurement"
-    )
-    blocks = [
-        Text(text),
-        TableBlock(["missing in both states", "probability"], causes, numbers=(1,)),
-        TableBlock(["mode", "measured [Hz]", "missed by [σ]"], modes, numbers=(0, 1, 2), caption=caption),
-    ]
-    return ReportSection("The baseline is poor", blocks)
-
-
-def places(result: RunResult[Verdict], shown: Shown) -> ReportSection:
-    """Return the places by the misfit that changes there leave."""
-    rows = [[words.place(name), f"{share:.2f}"] for name, share in result.diagnosis.places[:20]]
-    text = Text("Share of the misfit that changes at a place leave: the smaller, the more likely.")
-    table = TableBlock(["place", "remaining misfit [-]"], rows, numbers=(1,), at_most=8)
-    return ReportSection("Where", [text, table] if rows else ())
-
-
-def measure_next(result: RunResult[Verdict], shown: Shown) -> ReportSection:
-    """Return what would tell the first two explanations apart; nothing without any."""
-    proposals = result.diagnosis.next_measurements
-    lead = "To distinguish the first two explanations:" if proposals else ""
-    return ReportSection("What to measure next", [Text(lead), Items(proposals)])
