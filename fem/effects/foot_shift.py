@@ -18,6 +18,6 @@ class FootShift(AlongMember):
     entry: ClassVar[Entry | None] = Entry(
         quantities="`amount` [m]",
         meaning="an elastic foot that stands at another place of its member",
-        places="each elastic foot",
+        places="each elastic foot, along each member that meets it",
     )
     of_feet: ClassVar[bool] = True
