@@ -141,8 +141,7 @@ def test_of_very_many_rivals_a_short_list_is_looked_at(prepared, monkeypatch):
     monkeypatch.setattr(
         Look, "levels", lambda look, grid: looked.append(grid.effect.name) or levels(look, grid)
     )
-    monkeypatch.setattr(listing, "MOST_RIVALS", 10)
-    found = listing.rivals(problem, best, grids, NORMAL.n_rivals, 5)
+    found = listing.rivals(problem, best, grids, NORMAL.n_rivals, 10, 5)
     assert len(looked) < 0.6 * len(grids)
     assert (case.hidden.kind, case.hidden.where) in {(c.effect.kind, c.effect.where) for c in found}
 

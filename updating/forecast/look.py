@@ -32,8 +32,6 @@ from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
 
-N_RECENT = 3
-"""Changes that are kept for other looks: on a grid, and little ones."""
 SMALL = 1e-9
 """What the data say of a nuisance parameter is no less than this share of it: of two that do the same [-]."""
 
@@ -130,8 +128,6 @@ class Look(Generic[P, C]):
     all_belong : bool
         Whether changes are weighted as if no reading were a bad one: those that seem so may be what is
         missing.
-    recent : Recent
-        The last changes, which looks that weight them otherwise ask for next.
     """
 
     problem: P
@@ -146,7 +142,8 @@ class Look(Generic[P, C]):
     prior_of: tuple[ParameterRef, ...]
     off: Floats
     all_belong: bool = False
-    recent: Recent = field(default_factory=lambda: Recent(N_RECENT), repr=False)
+    # Looks at one fit that weight readings differently share the changes of a grid.
+    _last: Recent = field(default_factory=lambda: Recent(1), repr=False)
     # By the nuisance parameters that an effect replaces.
     _projections: dict[tuple[ParameterRef, ...], Floats] = field(default_factory=dict, init=False, repr=False)
 
@@ -218,7 +215,7 @@ class Look(Generic[P, C]):
 
     def with_all_readings(self) -> "Look[P, C]":
         """Return the look with changes weighted as if no reading were a bad one."""
-        return replace(self, all_belong=True, recent=self.recent)
+        return replace(self, all_belong=True)
 
     @property
     def base(self) -> FitResult:
@@ -306,6 +303,9 @@ class Look(Generic[P, C]):
         way hardly differ by more than a little flexibility does.
         """
         effect = little.grid.effect
+        if self.residuals.has_cheap_slopes and little.absent is None:
+            slopes = self.residuals.slopes()([effect.with_values(**p) for p in little.points])
+            return np.nan_to_num(slopes)
         if not effect.released():
             return self.all_changes(Grid(effect, little.points))
         weaker = tuple(little.values(k, WEAKER) for k in range(len(little.points)))
@@ -323,14 +323,12 @@ class Look(Generic[P, C]):
 
     def _changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of all residuals, (n_points, m); NaN where impossible."""
+        return self._last.get(grid, lambda: self._solved_for(grid))
 
-        def made() -> Complexes:
-            beat()
-            terms = candidate_terms(self.problem, self.base, grid)
-            return self.residuals.by_terms(grid.effect.released(), terms)
-
-        out: Complexes = self.recent.get((grid.effect, tuple(tuple(p.items()) for p in grid.points)), made)
-        return out
+    def _solved_for(self, grid: Grid) -> Complexes:
+        beat()
+        terms = candidate_terms(self.problem, self.base, grid)
+        return self.residuals.by_terms(grid.effect.released(), terms)
 
     def costs(self, r: Complexes) -> Floats:
         """Return the negative log posterior of residuals (n, m + n_all), (n,)."""

@@ -95,6 +95,11 @@ class FrfChanges(ResidualChanges):
         """Whether an effect changes the receptances by -Hₒ ΔZ Hᵢ: not what releases a constraint."""
         return not effect.released()
 
+    @property
+    def has_cheap_slopes(self) -> bool:
+        """Return False: they need the responses at all DOFs."""
+        return False
+
     def slopes(self) -> Callable[[Sequence[Effect]], Complexes]:
         """Return a function that gives the changes by small effects to the first order, (n, m).
 

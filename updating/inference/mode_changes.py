@@ -75,6 +75,11 @@ class ModeChanges(ResidualChanges):
         """Return True: of a constraint that gives way a little the inertia on it tells."""
         return True
 
+    @property
+    def has_cheap_slopes(self) -> bool:
+        """Return True: they need the modal basis alone."""
+        return True
+
     def slopes(self) -> Callable[[Sequence[Effect]], Complexes]:
         """Return a function that gives the changes by small effects to the first order, (n, m)."""
         return self._slopes

@@ -67,6 +67,11 @@ class ResidualChanges(ABC):
     def has_slope(self, effect: Effect) -> bool:
         """Whether :meth:`slopes` are those of an effect: of some its matrices alone do not tell."""
 
+    @property
+    @abstractmethod
+    def has_cheap_slopes(self) -> bool:
+        """Whether slopes of one effect cost less than its changes on a grid."""
+
     @abstractmethod
     def slopes(self) -> Callable[[Sequence[Effect]], Complexes]:
         """Return a function that gives the changes by small effects to the first order, (n, m)."""

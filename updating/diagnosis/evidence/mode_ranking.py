@@ -8,7 +8,7 @@ import numpy as np
 
 from fem.model import Effect
 from updating.diagnosis.evidence.places import Place, acting
-from updating.diagnosis.evidence.ranking import Ranking
+from updating.diagnosis.evidence.ranking import RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned, scanned
 from updating.forecast.look import Floats, Look
 from updating.inference.belief import EFFECT_ODDS
@@ -22,6 +22,7 @@ class ModeRanking(Ranking):
     breadth: int = 12
     n_listed: int = 100
     n_looked: int = 24
+    most_rivals: int = 24
     precise_looks: bool = False
 
     def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
@@ -47,6 +48,10 @@ class ModeRanking(Ranking):
             return left if left < least else np.inf
 
         return scanned(places, ratio)
+
+    def blocks(self, problem: Any, current: FitResult, *, far: bool) -> RankedBlocks:
+        """Return what ranks nothing: modes say too little of several springs at once."""
+        return lambda groups: []
 
     def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> None:
         """Return None: :mod:`updating.diagnosis.unfitted` weighs them."""

@@ -50,6 +50,8 @@ class Ranking:
     n_listed, n_looked : int
         Number of candidates that are looked at on their grids in any case: of the best by each measure where
         there are many, and near the data.
+    most_rivals : int
+        Of more candidates in the place of an effect a short list is looked at.
     form_share : float
         Share of the form's small deviations that the data still have: less than 1 where an earlier state has
         taken out what is common to both [-].
@@ -60,6 +62,7 @@ class Ranking:
     breadth: int = 8
     n_listed: int = 20
     n_looked: int = N_LOOKED
+    most_rivals: int = 400
     form_share: float = 1.0
     precise_looks: bool = True
 
@@ -116,7 +119,7 @@ class Ranking:
     ) -> tuple[Screened, ...]:
         """Return the candidates that come nearest to what the last effect of a fit does."""
         grids = [g for e in effects if (g := Grid.of(problem, e)).points]
-        return rivals(problem, last, grids, n_best, self.n_listed)
+        return rivals(problem, last, grids, n_best, self.most_rivals, min(self.n_listed, self.most_rivals))
 
     def scatter(self, problem: Any, result: FitResult, size: float | None = None) -> FormScatter | None:
         """Return small deviations that the form has besides its parameters.

@@ -14,8 +14,6 @@ from updating.forecast.look import Look
 from updating.inference.fit_result import FitResult
 from updating.inference.problem import Problem
 
-MOST_RIVALS = 400
-"""Of more candidates at the place of an effect only a short list is looked at."""
 HOPELESS = 40.0
 """A rival is not fitted if its best point is so much less likely than that of the effect in its place."""
 N_FULL_LISTED, N_LOW_LISTED = 18, 8
@@ -25,29 +23,31 @@ MOST_PLACES = 4
 
 
 def rivals(
-    problem: Problem[Any], best: FitResult, grids: Sequence[Grid], n_best: int, n_listed: int
+    problem: Problem[Any], best: FitResult, grids: Sequence[Grid], n_best: int, most: int, n_listed: int
 ) -> tuple[Screened, ...]:
     """Choose the candidates that come nearest to what the last effect of a fit does.
 
-    Each takes its place while everything else stays as it was fitted with it. Of very many only a short list
-    is looked at, with the ``n_listed`` best.
+    Each takes its place while everything else stays as it was fitted with it. Of more than ``most`` only a
+    short list is looked at, with the ``n_listed`` best.
     """
     without = best.without(best.effects[-1].name)
-    if len(grids) > MOST_RIVALS:
+    if len(grids) > most:
         grids = [grids[i] for i in shortlist(problem, (without,), grids, n_listed)]
     # measured by its own grid, which is as coarse as those of the others
-    replaced, found = Grid.of(problem, best.effects[-1]), dict[int, tuple[float, int]]()
-    for look in looks_at(problem, without):
-        cost = float(look.levels(replaced)[0].min(initial=np.inf))
-        cost = cost if np.isfinite(cost) else look.cost_now  # what its grid does not show does nothing
-        for i, grid in enumerate(grids):
-            more = look.levels(grid)[0] - cost
-            k = int(np.argmin(more))
-            if np.isfinite(more[k]) and more[k] < min(HOPELESS, found.get(i, (np.inf,))[0]):
-                found[i] = float(more[k]), k
+    replaced, found = Grid.of(problem, best.effects[-1]), []
+    looks = looks_at(problem, without)
+    least = [float(look.levels(replaced)[0].min(initial=np.inf)) for look in looks]
+    # what its own grid does not show does nothing
+    costs = [c if np.isfinite(c) else look.cost_now for c, look in zip(least, looks, strict=True)]
+    for i, grid in enumerate(grids):
+        each = (look.levels(grid)[0] - cost for look, cost in zip(looks, costs, strict=True))
+        more = np.min(list(each), axis=0)
+        k = int(np.argmin(more))
+        if np.isfinite(more[k]) and more[k] < HOPELESS:
+            found.append((float(more[k]), i, k))
     return tuple(
         Screened(grids[i].effect, (Start((grids[i].points[k],), without),))
-        for _, i, k in sorted((more, i, k) for i, (more, k) in found.items())[:n_best]
+        for _, i, k in sorted(found)[:n_best]
     )
 
 
