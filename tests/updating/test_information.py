@@ -1,5 +1,8 @@
 """What data to come tell: least squares beyond unknowns, and gains that are to be expected."""
 
+from functools import reduce
+from operator import add
+
 import numpy as np
 import pytest
 
@@ -15,14 +18,14 @@ def slopes():
     return rows, group, np.diag([1.0, 4.0, 0.5])
 
 
-def information_of(rows, group, known):
-    return Information(np.array([rows[:, group == g] @ rows[:, group == g].T for g in (0, 1)]), known)
+def information_of(rows, group, n=2):
+    return Information.of([rows[:, group == g] for g in (0, 1)], 3, n)
 
 
 def test_changes_beyond_unknowns_are_the_residuals_of_regularised_least_squares(slopes):
     rows, group, known = slopes
     A = np.vstack([rows[:3].T, np.sqrt(known)])
-    found = information_of(rows, group, known).beyond(2)
+    found = information_of(rows, group).beyond(known)
     for k in range(2):
         y, *_ = np.linalg.lstsq(A, np.append(rows[3 + k], np.zeros(3)), rcond=None)
         rest = rows[3 + k] - y @ rows[:3]
@@ -34,12 +37,19 @@ def test_changes_beyond_unknowns_are_the_residuals_of_regularised_least_squares(
 
 def test_unknowns_of_one_test_alone_can_be_taken_out_first(slopes):
     rows, group, known = slopes
-    at_once = information_of(rows, group, known).beyond(1)
-    total = information_of(rows, group, known).by_group.sum(axis=0)
-    rest = without(total, known[:1, :1])
-    later = Information(rest[None], known[1:, 1:]).beyond(1)
+    at_once = information_of(rows, group, 1).beyond(known)
+    rest = without(rows @ rows.T, known[:1, :1])
+    later = Information.of_matrix(rest, 2, 1).beyond(known[1:, 1:])
     assert later.lengths == pytest.approx(at_once.lengths)
     assert later.cosines_squared == pytest.approx(at_once.cosines_squared)
+
+
+def test_information_of_several_data_adds_up(slopes):
+    rows, group, known = slopes
+    parts = (information_of(rows[:, s], group[s]) for s in (slice(0, 16), slice(16, 40)))
+    total, found = information_of(rows, group).beyond(known), reduce(add, parts).beyond(known)
+    for name in ("squares", "known", "products", "lengths"):
+        assert getattr(found, name) == pytest.approx(getattr(total, name))
 
 
 def test_small_changes_gain_half_their_squares_and_large_ones_the_logarithm():

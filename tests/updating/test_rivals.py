@@ -120,4 +120,3 @@ def test_the_probability_of_a_place_counts_hypotheses_with_more_effects():
     assert done.probability_there(alone) == pytest.approx(p[alone] + p[both])
     assert done.probability_there(both) == pytest.approx(p[both])
     assert done.probability_there(nothing) == pytest.approx(done.probability(nothing))
-    assert done.probability_of_answer(alone) == pytest.approx(p[alone])

@@ -140,14 +140,29 @@ def _shares(problem: FitProblem, result: FitResult, candidates: Sequence[Effect]
     """Return the shares of the misfit that candidates explain, (n_candidates,) [-]."""
     look = Look.of(problem.with_forces_of(result), result, min(N_LINES, n_lines(problem)), 0, MOST_VALUES)
     grids = [Grid.of(problem, e) for e in candidates]
-    out = Forecast.of(look, grids).best_shares
+    # what releases a constraint is far from small at all values that are plausible
+    small = [k for k, e in enumerate(candidates) if not e.released()]
+    forecast, out = Forecast.of(look, [grids[k] for k in small]), np.zeros(len(grids))
+    out[small] = forecast.best_shares
     order = np.argsort(-out, kind="stable").tolist()
     best = {place_named(candidates[k])[0]: k for k in reversed(order)}
-    # what releases a constraint is far from small at all values that are plausible
-    released = {k for k, e in enumerate(candidates) if e.released()}
-    for k in {*order[:N_SOLVED], *best.values(), *released}:
-        out[k] = max(out[k], look.explained(grids[k]))
+    solved = {*order[:N_SOLVED], *best.values()}
+    for n, k in enumerate(small):
+        if k in solved:
+            out[k] = max(out[k], look.explained(_about_best(forecast, n)))
+    for k in set(range(len(grids))) - set(small):
+        out[k] = max(look.explained(grids[k]), 0.0)
     return out
+
+
+def _about_best(forecast: Forecast, k: int) -> Grid:
+    """Return the grid of a candidate at its best place and the next ones on either side."""
+    little, rows = forecast.littles[k], np.flatnonzero(forecast.owner == k)
+    i, first = int(np.argmax(forecast.share[rows])), little.grid.effect.parameters()[0].name
+    near = [{**point, first: 0.0} for point in little.points[max(i - 1, 0) : i + 2]]
+    return Grid(
+        little.grid.effect, tuple(point for point in little.grid.points if {**point, first: 0.0} in near)
+    )
 
 
 def _rms(x: NDArray[np.float64]) -> float:

@@ -367,8 +367,8 @@ class _Separated:
         root = np.sqrt((worth * share)[group] * pseudo_huber_weight(rows[-1], ROBUST))
         flat = np.hstack([rows.real * root, rows.imag * root])
         both = np.tile(group, 2)
-        by_group = np.array([flat[:, both == g] @ flat[:, both == g].T for g in range(len(worth))])
-        found = Information(by_group, known).beyond(1)
+        by_group = [flat[:, both == g] for g in range(len(worth))]
+        found = Information.of(by_group, len(known), 1).beyond(known)
         squares = found.squares / worth
         gain = ExpectedGains(levels, level).gains(np.ones(1), squares, found.known)[0]
         seen = weight > 0

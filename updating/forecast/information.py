@@ -1,5 +1,6 @@
 """What data that are still to come tell: changes beyond all that may vary, and the gains to be expected."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -43,42 +44,80 @@ class Beyond:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Information:
-    """Information of data on unknowns and on changes of the data.
+    """Information of data on unknowns and on changes of the data; that of several data adds up.
 
     Attributes
     ----------
-    by_group : ndarray (n_groups, u + m, u + m)
-        Inner products of what the unknowns and, behind them, the changes do to weighted residuals.
-    known : ndarray (u, u)
-        Precision of the unknowns beforehand.
+    unknowns : ndarray (n_groups, u, u + m)
+        Inner products, over the weighted residuals of each group, of what the unknowns do with what they and
+        the changes do.
+    squares : ndarray (n_groups, k)
+        Squares of the first changes.
+    products : ndarray (k, m)
+        Inner products of the first changes with all, over all groups.
+    lengths : ndarray (m,)
+        Squares of all changes, over all groups.
     """
 
-    by_group: NDArray[np.floating]
-    known: Floats
+    unknowns: NDArray[np.floating]
+    squares: NDArray[np.floating]
+    products: NDArray[np.floating]
+    lengths: NDArray[np.floating]
 
-    def beyond(self, n: int) -> Beyond:
-        """Return the first n changes beyond what the unknowns can do, beside all changes."""
-        u = len(self.known)
-        each = np.asarray(self.by_group, dtype=float)
+    @classmethod
+    def of(cls, rows: Sequence[NDArray[np.floating]], u: int, n: int) -> "Information":
+        """Return the information of weighted residuals.
+
+        Parameters
+        ----------
+        rows : sequence of ndarray (u + m, n_residuals)
+            Of each group: what u unknowns and, behind them, the changes do.
+        u, n : int
+            Number of unknowns, and of the first changes.
+        """
+        return cls(
+            np.array([x[:u] @ x.T for x in rows]),
+            np.array([(x[u : u + n] ** 2).sum(axis=1) for x in rows]),
+            np.sum([x[u : u + n] @ x[u:].T for x in rows], axis=0),
+            np.sum([(x[u:] ** 2).sum(axis=1) for x in rows], axis=0),
+        )
+
+    @classmethod
+    def of_matrix(cls, information: Floats, u: int, n: int) -> "Information":
+        """Return the information whose inner products (u + m, u + m) are known, in one group."""
+        diagonal, some = np.diag(information)[u:], information[u : u + n, u:]
+        return cls(information[None, :u], diagonal[None, :n], some, diagonal)
+
+    def __add__(self, other: "Information") -> "Information":
+        """Return the information of the data of both."""
+        return Information(
+            self.unknowns + other.unknowns,
+            self.squares + other.squares,
+            self.products + other.products,
+            self.lengths + other.lengths,
+        )
+
+    def beyond(self, known: Floats) -> Beyond:
+        """Return the first changes beyond what the unknowns can do, of a precision (u, u) beforehand."""
+        u, n = len(known), self.squares.shape[1]
+        each = np.asarray(self.unknowns, dtype=float)
         A = each.sum(axis=0)
-        C = np.linalg.solve(A[:u, :u] + self.known, A[:u, u:])
-        products = A[u : u + n, u:] - A[:u, u : u + n].T @ C
-        lengths = np.maximum(np.diag(A)[u:] - (A[:u, u:] * C).sum(axis=0), 0.0)
+        C = np.linalg.solve(A[:, :u] + known, A[:, u:])
+        products = self.products - A[:, u : u + n].T @ C
+        lengths = np.maximum(self.lengths - (A[:, u:] * C).sum(axis=0), 0.0)
         c = C[:, :n]
-        squares = np.einsum("gkk->kg", each[:, u : u + n, u : u + n]).copy()
-        squares -= 2 * np.einsum("guk,uk->kg", each[:, :u, u : u + n], c)
-        squares += np.einsum("uk,guv,vk->kg", c, each[:, :u, :u], c, optimize=True)
-        known = 0.5 * (c * (self.known @ c)).sum(axis=0)
-        return Beyond(np.maximum(squares, 0.0), known, products, lengths)
+        squares = self.squares.T - 2 * np.einsum("guk,uk->kg", each[:, :, u : u + n], c)
+        squares += np.stack([(c * (B[:, :u] @ c)).sum(axis=0) for B in each], axis=1)
+        prior = 0.5 * (c * (known @ c)).sum(axis=0)
+        return Beyond(np.maximum(squares, 0.0), prior, products, lengths)
 
-    def learned(self) -> tuple[Floats, Floats]:
+    def learned(self, known: Floats) -> tuple[Floats, Floats]:
         """Return what data say of combinations of unknowns, (u,), and each group's part, (u, n_groups).
 
         Shares of all that is known of them afterwards.
         """
-        u = len(self.known)
-        information = self.by_group[:, :u, :u]
-        total = information.sum(axis=0) + self.known
+        information = self.unknowns[:, :, : len(known)]
+        total = information.sum(axis=0) + known
         L = np.linalg.cholesky(total + 1e-9 * np.diag(total.diagonal()))
         parts = [np.linalg.solve(L, np.linalg.solve(L, A).T) for A in information]
         values, U = np.linalg.eigh(np.sum(parts, axis=0))

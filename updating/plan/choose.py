@@ -1,8 +1,10 @@
 """Places of sensors and forces by which a test names as many relevant effects as possible."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import combinations
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -67,8 +69,8 @@ class _Worth:
 
     Attributes
     ----------
-    information : ndarray (n_channels, n_groups, n, n)
-        Of the uncertain parameters and, behind them, of effects, in each group of residuals.
+    information : sequence of Information
+        Of each channel on the uncertain parameters and on effects.
     data : ndarray (n_groups,)
         For how many independent data the discrepancy of each group stands.
     known : ndarray (n_uncertain,)
@@ -78,15 +80,19 @@ class _Worth:
         they need not be distinguished.
     """
 
-    information: NDArray[np.float32]
+    information: Sequence[Information]
     data: Floats
     known: Floats
     least: Floats
 
-    def margins(self, total: NDArray[np.floating]) -> Floats:
+    def of(self, some: Iterable[int]) -> Information:
+        """Return the information of some channels together."""
+        return reduce(add, (self.information[k] for k in some))
+
+    def margins(self, total: Information) -> Floats:
         """Return what relevant effects gain over what they need, over their worst rivals, (n_relevant,)."""
         n = len(self.least)
-        found = Information(total, np.diag(self.known)).beyond(n)
+        found = total.beyond(np.diag(self.known))
         sine_squared = 1 - found.cosines_squared
         sine_squared[np.arange(n), np.arange(n)] = 1.0
         enough = np.diag(self.least[:, :n])
@@ -99,12 +105,12 @@ class _Worth:
         out: Floats = ratio.min(axis=1)
         return out
 
-    def value(self, total: NDArray[np.floating]) -> float:
+    def value(self, total: Information) -> float:
         """Return the share of effects that are distinguished, and how nearly the others are, on average."""
         margins = self.margins(total)
         return float((margins >= 1).mean() + np.minimum(margins, 1.0).mean())
 
-    def share(self, total: NDArray[np.floating]) -> float:
+    def share(self, total: Information) -> float:
         """Return the share of effects that are distinguished."""
         return float((self.margins(total) >= 1).mean())
 
@@ -194,14 +200,14 @@ def choose(
     say("what each channel says", 0.5)
     channels = _Channels.of(look, changes, len(sensors) / n_sensors)
     pushed = _best_forces(channels, least, n_excitations or len(excitations))
-    worth = _Worth(channels.of_sensors(pushed), channels.data, channels.known, least)
+    worth = _Worth(channels.of_sensors(pushed, n), channels.data, channels.known, least)
     taken, curve = _added(worth, n_sensors, lambda part: say("adding sensors", 0.6 + 0.2 * part))
     taken = _exchanged(worth, taken, lambda part: say("exchanging sensors", 0.8 + 0.2 * part))
     return ChosenChannels(
         tuple(sensors[k] for k in sorted(taken)),
         tuple(excitations[k] for k in pushed),
         curve,
-        worth.share(worth.information[taken].sum(axis=0)),
+        worth.share(worth.of(taken)),
     )
 
 
@@ -290,12 +296,13 @@ class _Channels:
         errors = [J[of == o] for o in range(n_out)]
         return cls(slopes, errors, known, output, input_, look.share.argmax(axis=1), look.likelihood.n)
 
-    def of_forces(self) -> NDArray[np.float32]:
-        """Return the information of all sensors with each force, (n_forces, n_groups, n, n)."""
-        return np.array([self._summed(self.slopes, self.input == i) for i in range(self.input.max() + 1)])
+    def of_forces(self, n: int) -> list[Information]:
+        """Return the information of all sensors with each force on the first n effects."""
+        some = (self.input == i for i in range(self.input.max() + 1))
+        return [self._information(self.slopes[:, here], here, n) for here in some]
 
-    def of_sensors(self, forces: Sequence[int]) -> NDArray[np.float32]:
-        """Return the information of each sensor with some forces, (n_sensors, n_groups, n, n).
+    def of_sensors(self, forces: Sequence[int], n: int) -> list[Information]:
+        """Return the information of each sensor with some forces on the first n effects.
 
         Without what errors of that sensor could do.
         """
@@ -306,58 +313,65 @@ class _Channels:
             part, errors = self.slopes[:, here], of_sensor[:, here]
             both = (errors @ errors.conj().T).real + np.eye(len(errors))
             C = np.linalg.solve(both, (errors @ part.conj().T).real)
-            rest = self.slopes.copy()
-            rest[:, here] = part - C.T @ errors
             # what is known of these errors beforehand counts in no group more than in another
-            out.append(self._summed(rest, here) + (C.T @ C / len(self.data)).astype(np.float32))
-        return np.array(out)
+            out.append(self._information(part - C.T @ errors, here, n, C.T / np.sqrt(len(self.data))))
+        return out
 
-    def _summed(self, slopes: NDArray[np.complex128], here: NDArray[np.bool_]) -> NDArray[np.float32]:
-        parts = (slopes[:, here & (self.group == g)] for g in range(len(self.data)))
-        return np.array([(p.real @ p.real.T + p.imag @ p.imag.T).astype(np.float32) for p in parts])
+    def _information(
+        self, slopes: NDArray[np.complex128], here: NDArray[np.bool_], n: int, more: Floats | None = None
+    ) -> Information:
+        groups = (slopes[:, self.group[here] == g] for g in range(len(self.data)))
+        rest = [] if more is None else [more]
+        rows = [np.hstack([p.real, p.imag, *rest]).astype(np.float32) for p in groups]
+        return Information.of(rows, len(self.known), n)
 
 
 def _best_forces(channels: _Channels, least: Floats, n: int) -> tuple[int, ...]:
     """Return the forces that tell most with all sensors."""
-    worth = _Worth(channels.of_forces(), channels.data, channels.known, least)
+    worth = _Worth(channels.of_forces(len(least)), channels.data, channels.known, least)
+    if n == len(worth.information):
+        return tuple(range(n))
     single = [worth.value(each) for each in worth.information]
     best = np.sort(np.argsort(single)[::-1][: max(n, MOST_EXCITATIONS)])
     return max(
         combinations(best.tolist(), n),
-        key=lambda some: worth.value(worth.information[list(some)].sum(axis=0)),
+        key=lambda some: worth.value(worth.of(some)),
     )
 
 
 def _added(worth: _Worth, n: int, say: Callable[[float], None]) -> tuple[list[int], Floats]:
     """Return channels added one by one by what they gain, and the shares of effects distinguished."""
     taken: list[int] = []
-    total = np.zeros_like(worth.information[0])
     curve = np.zeros(n)
     for step in range(n):
-        beat()
         say(step / n)
-        rest = [k for k in range(len(worth.information)) if k not in taken]
-        taken.append(max(rest, key=lambda k: worth.value(total + worth.information[k])))
-        total = total + worth.information[taken[-1]]
-        curve[step] = worth.share(total)
+        taken.append(_best(worth, taken)[1])
+        curve[step] = worth.share(worth.of(taken))
     return taken, curve
 
 
 def _exchanged(worth: _Worth, taken: list[int], say: Callable[[float], None]) -> list[int]:
     """Return channels exchanged one by one as long as that gains."""
     taken = list(taken)
-    now = worth.value(worth.information[taken].sum(axis=0))
+    now = worth.value(worth.of(taken))
     for turn in range(MOST_PASSES):
         before = now
         for k in range(len(taken)):
-            beat()
             say((turn + k / len(taken)) / MOST_PASSES)
-            others = worth.information[taken[:k] + taken[k + 1 :]].sum(axis=0)
-            rest = [j for j in range(len(worth.information)) if j not in taken]
-            values = [worth.value(others + worth.information[j]) for j in rest]
-            if max(values, default=-np.inf) > now:
-                now = max(values)
-                taken[k] = rest[int(np.argmax(values))]
+            value, other = _best(worth, taken[:k] + taken[k + 1 :], but=taken[k])
+            if value > now:
+                now, taken[k] = value, other
         if now <= before:
             break
     return taken
+
+
+def _best(worth: _Worth, taken: Sequence[int], but: int = -1) -> tuple[float, int]:
+    """Return the value of the channel that tells most beside some others, and its number."""
+    others, found = [worth.of(taken)] if taken else [], []
+    for k in range(len(worth.information)):
+        if k not in taken and k != but:
+            beat()
+            found.append((worth.value(reduce(add, [*others, worth.information[k]])), -k))
+    value, k = max(found, default=(-np.inf, 1))
+    return value, -k

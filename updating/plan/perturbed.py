@@ -217,6 +217,6 @@ def _separation(information: Floats, known: Floats, pair: int) -> tuple[float, f
     u = len(known)
     some = [*range(u), u + 2 * pair, u + 2 * pair + 1]
     precision = np.diag(np.maximum(known, 1e-12))
-    found = Information(information[np.ix_(some, some)][None], precision).beyond(2)
+    found = Information.of_matrix(information[np.ix_(some, some)], u, 2).beyond(precision)
     square = float(found.cosines_squared[0, 1])
     return 0.5 * float(found.lengths[0]) * (1 - square), float(np.sqrt(square))

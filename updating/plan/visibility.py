@@ -267,9 +267,9 @@ def _expected(forecast: Forecast, discrepancy: float | None, averaged: float) ->
     look, m = forecast.look, len(forecast.look.share)
     J, known = look.slopes[:, : 2 * m] * np.sqrt(np.tile(look.weights[:m], 2)), look.slopes[:, 2 * m :]
     groups = np.tile(look.share > 0, (2, 1)).T
-    information = Information(np.array([J[:, here] @ J[:, here].T for here in groups]), known @ known.T)
+    information = Information.of([J[:, here] for here in groups], len(J), 0)
     level = level_left(forecast, discrepancy, averaged)
-    return ExpectedGains(look.likelihood, level, *information.learned())
+    return ExpectedGains(look.likelihood, level, *information.learned(known @ known.T))
 
 
 def expected_gains(forecast: Forecast, a: Floats, discrepancy: float | None) -> Floats:

@@ -135,11 +135,6 @@ class Searched(Generic[P]):
         """Return the posterior probability of a hypothesis."""
         return float(np.exp(h.score - self.evidence))
 
-    def probability_of_answer(self, h: Hypothesis) -> float:
-        """Return the probability of exactly the effects and faults of a hypothesis, at all positions."""
-        names = self.names(h)
-        return sum(self.probability(k) for k in self.weighed if self.names(k) == names)
-
     @property
     def unknown_probability(self) -> float:
         """Posterior probability of what the library does not have."""
