@@ -10,6 +10,7 @@ from fem.reduction import LocalChanges
 from tests.frames import STEEL, beam, portal
 from tests.noise import complex_normal
 from updating import Measurement, Nuisance, Sensor, UnmeasuredForce, computed_frf, sensor_rows
+from updating.diagnosis.evidence.places import Place, Reach
 from updating.inference.bases import direct_responses
 from updating.inference.preparation import build_problem
 
@@ -110,6 +111,21 @@ def test_first_order_changes_are_those_of_small_effects(problem):
     assert changed - base.H == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())
     slope = base.fields().slope(problem.reduced.model.parts_of(little))
     assert slope == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())
+
+
+def test_forces_at_a_place_reach_ratios_as_an_effect_there_does(problem):
+    """What localisation scans: the change by a little is in the span of the shapes of its place."""
+    f, zeta = problem.data.frequency[::7], np.full(len(problem.data.frequency[::7]), 0.01)
+    base = LocalChanges.of(problem.engine(f), np.zeros(0), zeta)
+    little = PointMass(name="little", member="beam", position=0.11, mass=1e-6)
+    (changed,) = base.receptances([little])
+    (shapes,) = Reach(problem.reduced.model, base).of([Place("point", "beam at 0.110 m", (little,))])
+    change = (changed - base.H).transpose(0, 2, 1)[..., None]
+    assert shapes.shape[:3] == change.shape[:3]
+    scale = np.abs(shapes).max(axis=2, keepdims=True)
+    Q, _ = np.linalg.qr(shapes / np.where(scale > 0, scale, 1.0))
+    left = change - Q @ (np.swapaxes(Q.conj(), 2, 3) @ change)
+    assert np.linalg.norm(left) < 1e-3 * np.linalg.norm(change)
 
 
 def test_a_spring_at_the_reference_is_not_seen_by_a_force_there(problem):
