@@ -87,6 +87,7 @@ CASES = {
     "table-bay-nothing": (53, "bay", True, (nothing,)),
     "table-mast-nothing": (54, "mast", True, (nothing,)),
     "reference-bay-soft-foot": (55, "bay", False, (soft, "F2", 4, 4e3)),
+    "reference-bay-softer-foot": (58, "bay", False, (soft, "F2", 4, 1e3)),
     "reference-mast-mass": (56, "mast", False, (mass, "M2", 0.3, 0.06)),
     "reference-bay-nothing": (57, "bay", False, (nothing,)),
 }

@@ -35,14 +35,14 @@ SUSPECTS: tuple[tuple[float, str], ...] = (
 )
 """Measured over computed, and possible causes in the data."""
 
-BASE_SUSPECTS: tuple[tuple[float, str], ...] = (
-    (G0, "of responses in m/s² to a base in g"),
-    (1 / G0, "of responses in g to a base in m/s²"),
-    (1e3, "of responses in mm to a base in m"),
-    (1e-3, "of responses in m to a base in mm"),
-    (1e3 * G0, "of responses in mm/s² to a base in g"),
+RATIO_SUSPECTS: tuple[tuple[float, str], ...] = (
+    (G0, "of responses in m/s² to a {} in g"),
+    (1 / G0, "of responses in g to a {} in m/s²"),
+    (1e3, "of responses in mm to a {} in m"),
+    (1e-3, "of responses in m to a {} in mm"),
+    (1e3 * G0, "of responses in mm/s² to a {} in g"),
 )
-"""The same of responses to a motion of the base, whose size does not depend on mass and stiffness."""
+"""The same of responses to a motion, of the base for example: their size does not depend on all stiffness."""
 
 STILL = 1e-3
 """Motion of the model at the sensors, relative to its largest, below which it counts as at rest there [-]."""
@@ -301,16 +301,20 @@ def _size_words(comparison: LazyComparison, to_model: RatioToModel, evidence: Ph
             f"are {factor:.3g} times the model's, which hardly moves at its sensors ({share:.2g} of its "
             "largest motion): look at the places and directions of sensors and excitations"
         )
-    driven = frf.base == frf.inputs
-    suspects = BASE_SUSPECTS if driven else SUSPECTS
-    distance, suspect, words = min((abs(level - np.log10(f)), f, words) for f, words in suspects)
+    words = {e.per_acceleration for e in comparison.measurement.excitations}
+    driven = " or ".join(sorted(words)) if "" not in words else ""
+    suspects = RATIO_SUSPECTS if driven else SUSPECTS
+    distance, suspect, suspicion = min((abs(level - np.log10(f)), f, text) for f, text in suspects)
     data = "their unit is wrong"
     if distance < np.log10(SUSPECT_FACTOR):
-        data = f"they are {words} (scale = {1 / suspect:.6g} corrects that)"
+        data = f"they are {suspicion.format(driven)} (scale = {1 / suspect:.6g} corrects that)"
     off = f"{max(factor, 1 / factor):.3g} times too {'light and soft' if factor < 1 else 'heavy and stiff'}"
     model = f"is as if {off}; look at its sections, densities, masses, joints and damping"
     if driven:
-        model = "moves otherwise on its base; look at its supports and at the direction of the base"
+        model = (
+            f"moves otherwise than its {driven}; look at its supports and at the place and direction of the "
+            f"{driven}"
+        )
     return (
         f"are {factor:.3g} times the model's (median over {x.size} lines): either {data}, or the model "
         f"{model}"

@@ -145,6 +145,13 @@ def test_the_ratio_of_a_reference_to_itself_is_not_planned(tmp_path):
     assert [bool((row == 0).all()) for row in planned.compared[0]] == [s.name == "low" for s in study.sensors]
 
 
+def test_wrong_units_of_the_reference_are_named(tmp_path):
+    path = mast(tmp_path)
+    path.write_text(path.read_text().replace('kind = "transm', 'scale = 9.80665\nkind = "transm'))
+    (warning,) = load_study(path).warnings
+    assert "responses in m/s² to a reference in g" in warning
+
+
 def test_modes_are_not_identified_in_ratios(tmp_path, capsys):
     path = mast(tmp_path)
     assert main(["identify-modes", str(path)]) == 2

@@ -9,9 +9,19 @@ from fem import AddedMass, Damping, Joint, PointMass, assemble, compute_frf
 from fem.reduction import LocalChanges
 from tests.frames import STEEL, beam, portal
 from tests.noise import complex_normal
-from updating import Measurement, Nuisance, Sensor, UnmeasuredForce, computed_frf, sensor_rows
+from updating import (
+    Measurement,
+    Nuisance,
+    Sensor,
+    UnmeasuredForce,
+    assessed_fit,
+    computed_frf,
+    sensor_rows,
+)
+from updating.diagnosis.evidence.places import Place, Reach
+from updating.diagnosis.separation import next_measurements
 from updating.inference.bases import direct_responses
-from updating.inference.preparation import build_problem
+from updating.inference.preparation import build_problem, prepared_like
 
 X, Z = np.eye(3)[[0, 2]]
 F = np.linspace(8.0, 180.0, 60)
@@ -112,6 +122,21 @@ def test_first_order_changes_are_those_of_small_effects(problem):
     assert slope == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())
 
 
+def test_forces_at_a_place_reach_ratios_as_an_effect_there_does(problem):
+    """What localisation scans: the change by a little is in the span of the shapes of its place."""
+    f, zeta = problem.data.frequency[::7], np.full(len(problem.data.frequency[::7]), 0.01)
+    base = LocalChanges.of(problem.engine(f), np.zeros(0), zeta)
+    little = PointMass(name="little", member="beam", position=0.11, mass=1e-6)
+    (changed,) = base.receptances([little])
+    (shapes,) = Reach(problem.reduced.model, base).of([Place("point", "beam at 0.110 m", (little,))])
+    change = (changed - base.H).transpose(0, 2, 1)[..., None]
+    assert shapes.shape[:3] == change.shape[:3]
+    scale = np.abs(shapes).max(axis=2, keepdims=True)
+    Q, _ = np.linalg.qr(shapes / np.where(scale > 0, scale, 1.0))
+    left = change - Q @ (np.swapaxes(Q.conj(), 2, 3) @ change)
+    assert np.linalg.norm(left) < 1e-3 * np.linalg.norm(change)
+
+
 def test_a_spring_at_the_reference_is_not_seen_by_a_force_there(problem):
     """Beyond the point where force and reference are, T is that of the rest driven by a known motion."""
     model = portal(0.2).with_damping(Damping.structural(0.02))
@@ -130,3 +155,18 @@ def test_checks_of_channels_see_responses_per_force(problem):
     ratio = known.data.H / known.receptance(at)
     assert ratio == pytest.approx(problem.data.H / problem.receptance(at))
     assert known.as_forces(at) is known
+
+
+def test_new_sensors_are_proposed_by_what_their_ratios_differ_by(problem):
+    starts = {"mass": 0.3, "position": 0.11}, {"mass": 0.3, "position": 0.25}
+    members = {e.member: e for e in PointMass.propose(problem.reduced.model)}
+    candidates = [members[m].with_values(**s) for m, s in zip(("beam", "left"), starts, strict=True)]
+    first, second = (assessed_fit(problem, [c], [s]) for c, s in zip(candidates, starts, strict=True))
+    proposals = next_measurements(problem, first, second, most=1)
+    (sensor,) = (p for p in proposals if p.kind == "sensor")
+    new = Sensor("new", np.array(sensor.point), np.array(sensor.direction))
+    m = problem.data.measurement
+    frf = computed_frf(problem.reduced.model, [new], m.excitations, F, m.frf.kind)
+    there = replace(problem, data=prepared_like(problem, Measurement(frf, (new,), m.excitations)))
+    d = 20 * np.log10(np.abs(there.receptance(first) / there.receptance(second)))
+    assert sensor.difference_db == pytest.approx(np.sqrt((d**2).mean()), rel=0.1)

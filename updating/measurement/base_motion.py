@@ -22,7 +22,7 @@ class BaseMotion(Sensor):
 
     directed: ClassVar[bool] = False
     signal_unit: ClassVar[str] = "m/s^2"
-    per_acceleration: ClassVar[bool] = True
+    per_acceleration: ClassVar[str] = "base"
     moves_base: ClassVar[bool] = True
 
     def row(self, model: Model) -> NDArray[np.float64]:

@@ -85,8 +85,8 @@ class Sensor:
     """Whether it reads the motion of its point along ``direction``, and by its build some of that across."""
     signal_unit: ClassVar[str] = "N"
     """Unit of what an excitation of this kind does in time."""
-    per_acceleration: ClassVar[bool] = False
-    """Whether FRFs to an excitation of this kind are per unit acceleration, in place of unit force."""
+    per_acceleration: ClassVar[str] = ""
+    """Whose unit acceleration FRFs to an excitation of this kind are for, in a word; none for unit force."""
     moves_base: ClassVar[bool] = False
     """Whether an excitation of this kind moves the base along ``direction``."""
 

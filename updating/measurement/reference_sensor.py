@@ -21,7 +21,7 @@ class UnmeasuredForce(Sensor):
 
     reference: Sensor
 
-    per_acceleration: ClassVar[bool] = True
+    per_acceleration: ClassVar[str] = "reference"
 
     @classmethod
     def of(cls, force: Sensor, reference: Sensor, name: str) -> "UnmeasuredForce":
