@@ -28,7 +28,7 @@ from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, sensor_rows, with_resting_base
 from updating.modal.identified_modes import IdentifiedModes
 
-SAME = 1e-9
+WRITTEN_VALUE_TOLERANCE = 1e-9
 """Values of a written study differ by no more than this from those of the update, relatively [-]."""
 
 
@@ -247,7 +247,7 @@ def _omitted(
     out = [
         f"{names[ref]} = {value:.6g} has no place in the study file, which keeps the old value"
         for ref, value in values.items()
-        if abs(have.get(ref, np.inf) - value) > SAME * abs(value)
+        if abs(have.get(ref, np.inf) - value) > WRITTEN_VALUE_TOLERANCE * abs(value)
     ]
     d, new = model.damping, updated.model.damping
     if damping and not (d.ratio.shape == new.ratio.shape and np.allclose(d.ratio, new.ratio, 1e-6, 0.0)):

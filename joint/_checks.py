@@ -14,7 +14,7 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
 
-_MANY = 4
+PRODUCTS_FROM_RHS_RATIO = 4
 """Right-hand sides for each unknown from which products cost less than triangular solutions [-]."""
 
 _Array = TypeVar("_Array", bound=npt.NDArray[Any])
@@ -135,7 +135,7 @@ def solve_lines(A: ComplexArray, B: ComplexArray) -> ComplexArray:
     With many columns the inverse and one step of refinement give the solution in less time: LAPACK's
     triangular solutions of small matrices are slow, and products are not.
     """
-    if B.shape[-1] <= _MANY * A.shape[-1]:
+    if B.shape[-1] <= PRODUCTS_FROM_RHS_RATIO * A.shape[-1]:
         return np.asarray(np.linalg.solve(A, B), dtype=complex)
     inverse = np.linalg.inv(A)
     X = inverse @ B

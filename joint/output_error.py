@@ -33,7 +33,7 @@ SCAN = tuple(10.0 ** (k / 6) for k in range(-18, 19) if k)
 RIGID = 1e4
 """Factor by which a stiffness that is rigid beside its present value exceeds that [-]."""
 
-FAR = 10.0
+FAR_START_MISFIT = 10.0
 """Mean square of the residuals over the noise beyond which a start is far from the data [-]."""
 
 
@@ -171,16 +171,16 @@ def fit_joint(
     for theta in begin:
         first = problem.state(theta, x, lines.size, False)
         points = [first]
-        if len(begin) > 1 or first.cost > FAR * seen.sum():
+        if len(begin) > 1 or first.cost > FAR_START_MISFIT * seen.sum():
             rough = replace(problem, positive=signed).rough(first, lines.size)
             points.append(_approach(rough, first, counts, history, max_iterations))
-            if problem.at(points[-1]).cost > FAR * seen.sum():
+            if problem.at(points[-1]).cost > FAR_START_MISFIT * seen.sum():
                 points.append(
                     _approach(rough, _scan(rough, rough.at(first)), counts, history, max_iterations)
                 )
         tried.append(min((problem.at(p) for p in points), key=lambda s: s.cost))
     state, converged = min(tried, key=lambda s: s.cost), False
-    if state.cost < FAR * seen.sum():
+    if state.cost < FAR_START_MISFIT * seen.sum():
         counts = counts[-1:]  # near enough for the full band
     for count in (*counts, lines.size):
         state = problem.state(state.theta, state.x, count)

@@ -23,7 +23,7 @@ LINEAR = ("K", "M", "C", "D")
 UNEXPLAINED = 2.0
 """Misfit over the scatter of neighbouring lines beyond which no law explains a stiffness [-]."""
 
-CLEAR = 10.0
+BETTER_LAW_BIC = 10.0
 """Difference of Schwarz's criterion from which one law counts as clearly better than another."""
 
 _WORDS = {
@@ -111,7 +111,7 @@ class StiffnessLaw:
     @property
     def rivals(self) -> tuple[LawFit, ...]:
         """Other laws that are nearly as good."""
-        return tuple(f for f in self.others if f.criterion - self.best.criterion < CLEAR)
+        return tuple(f for f in self.others if f.criterion - self.best.criterion < BETTER_LAW_BIC)
 
     @property
     def sentence(self) -> str:

@@ -152,9 +152,8 @@ def plot_signature(
         Heading.
     """
     f, ticks = np.asarray(frequency, dtype=float), np.asarray(modes, dtype=float)
-    colours = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE)
     marks = [
-        Curve(x=f, y=column, name=label, keyed=j == 0, colour=colours[k % 4], dash="-")
+        Curve(x=f, y=column, name=label, keyed=j == 0, colour=style.SERIES[k % len(style.SERIES)], dash="-")
         for k, (label, data) in enumerate(curves.items())
         for j, column in enumerate(np.asarray(data, dtype=float).reshape(f.size, -1).T)
     ]

@@ -34,6 +34,12 @@ def held_out_spans(bands: Sequence[tuple[float, float]]) -> list[ChartMark]:
     ]
 
 
+def phase_axis() -> Axis:
+    """Return the axis of phases [°]."""
+    ticks = [-180, -90, 0, 90, 180]
+    return Axis("phase [°]", (-190, 190), (ticks, [number(t, 0) for t in ticks]))
+
+
 def frequency_axis(frequency: Floats, *, log: bool = False) -> Axis:
     """Return the axis of frequencies [Hz] from the first line to the last; a logarithmic one leaves out 0."""
     shown = frequency[frequency > 0] if log else frequency
@@ -216,9 +222,7 @@ def frf(
             phases.append(Curve(x=x, y=y, hover=hover, meta=meta, keyed=False, **look))
     below = []
     if phases:
-        ticks = [-180, -90, 0, 90, 180]
-        axis = Axis("phase [°]", (-190, 190), (ticks, [number(t, 0) for t in ticks]))
-        below.append(Panel(phases, axis, 0.5))
+        below.append(Panel(phases, phase_axis(), 0.5))
     if coherence is not None and measured is not None:
         gamma, meta = np.asarray(coherence)[:, o, i], {"series": MEASURED, "quantity": COHERENCE}
         more: dict[str, Any] = {"hover": "γ² {y:.3f}", "name": COHERENCE, "keyed": False, "meta": meta}

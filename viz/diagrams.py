@@ -33,7 +33,7 @@ _HEIGHT = 0.13
 """Largest ordinate as a part of the structure's size [-]."""
 _AXIS = {"color": style.MUTED, "line_width": 5.0}
 _MOST_NAMED = 24
-_SMALL = 1e-6
+LEAST_DRAWN_FORCE = 1e-6
 """Section forces below this part of the largest of their kind, forces or moments, are not drawn [-]."""
 
 _SIDES = {"N": (1, 1.0), "Vy": (0, 1.0), "Vz": (1, 1.0), "T": (1, 1.0), "My": (1, 1.0), "Mz": (0, -1.0)}
@@ -90,7 +90,7 @@ def render_diagram(
     forces = forces_on_lines(solution, pieces)[..., case]
     k = SECTION_FORCES.index(quantity)
     like = slice(0, 3) if k < 3 else slice(3, 6)
-    least = max(_SMALL * abs(forces[..., like]).max(), solution.rounding[k // 3, case])
+    least = max(LEAST_DRAWN_FORCE * abs(forces[..., like]).max(), solution.rounding[k // 3, case])
     values = np.where(abs(forces[..., k]) > least, forces[..., k], 0.0)
     unit = "N" if k < 3 else "N·m"
     heading = f"{_WORDS[quantity]} [{unit}], {solution.cases[case]}"
@@ -218,7 +218,7 @@ def drawn_quantities(solution: StaticSolution, case: int) -> tuple[str, ...]:
     """Return the section forces that are more than rounding in a load case."""
     size = abs(forces_on_lines(solution, 4)[..., case]).max(axis=(0, 1))
     largest = np.repeat([size[:3].max(), size[3:].max()], 3)
-    kept = size > np.maximum(_SMALL * largest, np.repeat(solution.rounding[:, case], 3))
+    kept = size > np.maximum(LEAST_DRAWN_FORCE * largest, np.repeat(solution.rounding[:, case], 3))
     return tuple(q for q, yes in zip(SECTION_FORCES, kept.tolist(), strict=True) if yes)
 
 

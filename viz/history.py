@@ -11,7 +11,7 @@ from viz.axes import legend_above
 
 MOST_MODES = 12
 """Modes that are drawn, the lowest."""
-SURE = 0.5
+FILLED_FROM_PROBABILITY = 0.5
 """Probability of a change from which its mark is filled [-]."""
 
 
@@ -75,7 +75,7 @@ def plot_history(
                     "o",
                     markersize=8,
                     color=style.EFFECT,
-                    markerfacecolor=style.EFFECT if probability >= SURE else "none",
+                    markerfacecolor=style.EFFECT if probability >= FILLED_FROM_PROBABILITY else "none",
                 )
         low.set_yticks(range(len(rows)), rows)
         low.set_ylim(len(rows) - 0.4 if rows else 0.5, -0.6)

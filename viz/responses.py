@@ -16,7 +16,6 @@ from viz.still import draw
 _MOST_CURVES = 6
 _DEEPEST = 1e-8
 """Least value of a logarithmic axis, relative to the largest: responses that are rounding lie below [-]."""
-_COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
 
 
 def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False, title: str = "") -> Figure:
@@ -116,7 +115,7 @@ def plot_spectra(
     high = float(max(*(s.frequency[-1] for s in spectra.values()), frequencies.max()))
     lines = np.geomspace(low, high, 400)
     marks = []
-    for (name, spectrum), colour in zip(spectra.items(), _COLOURS, strict=False):
+    for (name, spectrum), colour in zip(spectra.items(), style.SERIES, strict=False):
         at_modes = {"x": frequencies, "y": spectrum.at(frequencies), "name": f"modes, {name}"}
         marks.append(Curve(x=lines, y=spectrum.at(lines), name=f"spectrum, {name}", colour=colour, dash="-"))
         marks.append(Curve(**at_modes, colour=colour, symbol="o"))
@@ -126,7 +125,7 @@ def plot_spectra(
 
 def _curves(x: NDArray[np.float64], values: NDArray[np.float64], names: Sequence[str]) -> list[Curve]:
     """Return the first columns of values as curves."""
-    each = zip(values.T, names, _COLOURS, strict=False)
+    each = zip(values.T, names, style.SERIES, strict=False)
     return [Curve(x=x, y=y, name=name, colour=colour, dash="-", width=1.3) for y, name, colour in each]
 
 

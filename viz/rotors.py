@@ -1,6 +1,7 @@
 """Campbell diagrams of rotors, and their responses to unbalance."""
 
 from collections.abc import Sequence
+from itertools import cycle
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,6 +11,9 @@ from fem.analysis.unbalance import UnbalanceResponse
 from fem.analysis.whirl import whirl_name
 from viz import style
 from viz.axes import legend_above
+from viz.chart import Axis, Chart, Curve, Panel
+from viz.curves import phase_axis
+from viz.still import draw
 
 _COLOURS = {
     "forward": style.VERMILION,
@@ -97,22 +101,13 @@ def plot_unbalance(found: UnbalanceResponse, names: Sequence[str], title: str = 
     title : str
         Heading.
     """
-    with style.look():
-        figure = style.new_figure(height=5.2 + 0.25 * bool(title))
-        grid = figure.add_gridspec(2, 1, height_ratios=[2.4, 1])
-        top = figure.add_subplot(grid[0])
-        low = figure.add_subplot(grid[1], sharex=top)
-        rpm = found.speed * RPM
-        for k, name in enumerate(names):
-            u = np.where(found.displacement[:, k] == 0, np.nan, found.displacement[:, k])  # at rest
-            (line,) = top.semilogy(rpm, 1e6 * np.abs(u), linewidth=1.2, label=name)
-            low.plot(rpm, np.degrees(np.angle(u)), color=line.get_color(), linewidth=1.2)
-        top.set_xlim(rpm[0], rpm[-1])
-        top.tick_params(labelbottom=False)
-        top.set_ylabel("amplitude [µm]")
-        low.set_ylabel("phase [°]")
-        low.set_ylim(-185, 185)
-        low.set_yticks([-180, -90, 0, 90, 180])
-        low.set_xlabel("speed [1/min]")
-        legend_above(figure, title, top.get_legend_handles_labels()[0])
-    return figure
+    rpm, u = found.speed * RPM, np.where(found.displacement == 0, np.nan, found.displacement)  # at rest
+    sizes, phases = [], []
+    for y, name, colour in zip(u.T, names, cycle(style.SERIES), strict=False):
+        sizes.append(Curve(x=rpm, y=1e6 * np.abs(y), name=name, colour=colour, dash="-"))
+        phases.append(Curve(x=rpm, y=np.degrees(np.angle(y)), colour=colour, dash="-"))
+    x = Axis("speed [1/min]", (float(rpm[0]), float(rpm[-1])))
+    below = [Panel(phases, phase_axis(), 0.42)]
+    return draw(
+        Chart(sizes, x, Axis("amplitude [µm]", log=True), title, size=(style.WIDTH, 5.2), below=below)
+    )

@@ -41,6 +41,9 @@ MEMBERS = ("#8fb8d8", "#e8c38a", "#9fcfb8", "#d9a9c2", "#b9b4dc", "#e3a08a", "#c
 MODELS = ((NOMINAL, "--"), (FITTED, "-."), (EFFECT, "-"), (GREEN, "--"), (PURPLE, "-."), (ORANGE, "-"))
 """Colour and line style of models in the order nominal, fitted, with the effect, others."""
 
+SERIES = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, GREY)
+"""Colours of curves that are no models."""
+
 WIDTH = 7.5
 """Width of a figure [inch]."""
 DPI = 160

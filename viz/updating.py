@@ -18,8 +18,6 @@ from viz.still import draw
 
 __all__ = ["plot_bootstrap", "plot_convergence", "plot_correlation", "plot_l_curve", "plot_parameters"]
 
-_COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.ORANGE, style.PURPLE, style.SKY, style.GREY)
-
 
 def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "") -> Figure:
     """Plot errors and parameters over the steps, stage by stage.
@@ -50,7 +48,7 @@ def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "
         figure = style.new_figure(height=4.6)
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[1, 1.4])
         shown = {label: e for label, e in errors.items() if np.isfinite(e).any()}
-        for (label, e), colour in zip(shown.items(), _COLOURS, strict=False):
+        for (label, e), colour in zip(shown.items(), style.SERIES, strict=False):
             above.semilogy(steps, np.maximum(e, 1e-12), ".-", color=colour, label=label)
         above.set_ylabel("root mean square error")
         above.legend(loc="upper right")
@@ -173,7 +171,7 @@ def plot_l_curve(curve: LCurve, title: str = "") -> Figure:
 
 
 def _cycle(n: int) -> list[str]:
-    return [_COLOURS[k % len(_COLOURS)] for k in range(n)]
+    return [style.SERIES[k % len(style.SERIES)] for k in range(n)]
 
 
 def plot_bootstrap(updated: Updated, values: NDArray[np.float64], title: str = "") -> Figure:

@@ -20,7 +20,7 @@ LARGEST_STD = 0.3
 """Relative standard deviation of a frequency above which it looks like percent or Hz [-]."""
 SAME_SHAPE = 0.999
 """MAC of two shapes of one frequency that are one mode given twice [-]."""
-ALIKE = 0.8
+LEAST_PARTNER_MAC = 0.8
 """Least MAC of a measured mode and the model's mode whose frequencies are compared [-]."""
 NEAR_UNIT = 0.3
 """Largest deviation of ln(measured / computed) from that of another unit [-]."""
@@ -119,7 +119,7 @@ def _over_computed(measured: MeasuredModes, computed: Modes, model: Model) -> Fl
     shapes = computed.shapes[:, computed.n_rigid :]
     if measured.has_shapes:
         alike = mac_of(measured.modes.shapes, sensor_rows(model, measured.sensors) @ shapes)
-        return np.log(f / elastic[alike.argmax(axis=1)])[alike.max(axis=1) >= ALIKE]
+        return np.log(f / elastic[alike.argmax(axis=1)])[alike.max(axis=1) >= LEAST_PARTNER_MAC]
     if measured.numbers:
         known = np.array(measured.numbers) - 1
         return np.log(f[known < elastic.size] / elastic[known[known < elastic.size]])

@@ -13,7 +13,7 @@ from joint.assembly_fit import Estimate
 from joint.form import LAWS
 from updating.inference.belief import FAR_STD
 
-WIDE = 0.08
+MODEL_ERROR_GOVERNS = 0.08
 """Error of an FRF beside the model's beyond which the model's own error governs the values [-]."""
 
 POOR = 3.0
@@ -167,7 +167,7 @@ def _open(found: Estimate) -> list[str]:
             "values, which are the best that were found. Name other directions, or search for a missing "
             "effect with dovetail run"
         )
-    elif worst > WIDE:
+    elif worst > MODEL_ERROR_GOVERNS:
         out.append(
             f"  the model misses these FRFs by up to {worst:.0%}, which is more than noise. The intervals "
             "allow for it as one error of the frequency of each mode"

@@ -18,7 +18,7 @@ _LEAST_SINE = 0.35
 """Members that meet at a smaller angle lie along each other: such joints are left as they are."""
 _ON_TOP = 0.7
 """The way from one axis to the other goes across both members by at least this cosine."""
-_NEAR = 1.5
+SHORT_BELOW_LENGTHS = 1.5
 """Its length is less than this multiple of that at which they touch."""
 _SQUARE = 0.99
 """An axis of a joint is the normal of its flats from this cosine."""
@@ -194,7 +194,7 @@ def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
     across /= sine
     apart = model.mesh.points[element.point2] - model.mesh.points[element.point1]
     touching = sum(section_extent(model, end[0], R, across) for end, R in zip((one, two), axes, strict=True))
-    if not _ON_TOP * np.linalg.norm(apart) < abs(apart @ across) < _NEAR * touching:
+    if not _ON_TOP * np.linalg.norm(apart) < abs(apart @ across) < SHORT_BELOW_LENGTHS * touching:
         return None
     half1 = section_extent(model, two[0], axes[1], along1) / sine
     half2 = section_extent(model, one[0], axes[0], along2) / sine

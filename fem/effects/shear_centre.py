@@ -14,7 +14,7 @@ from fem.elements.layout import axes_and_arms, layout_of
 from fem.elements.properties import MemberProperties
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
-NEAR = 0.01
+CENTROID_DISTANCE = 0.01
 """Distance from the centroid, relative to √A, up to which a shear centre counts as being there [-]."""
 
 
@@ -94,7 +94,7 @@ class ShearCentre(WithinMember):
 def is_eccentric(p: MemberProperties) -> bool:
     """Whether a member has its shear centre elsewhere than its centroid; bars neither bend nor twist."""
     away = max(np.hypot(*s.shear_centre) / np.sqrt(s.A) for s in _ends(p))
-    return bool(p.theory != "bar" and away > NEAR)
+    return bool(p.theory != "bar" and away > CENTROID_DISTANCE)
 
 
 def _ends(p: MemberProperties) -> tuple[Any, Any]:

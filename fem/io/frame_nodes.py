@@ -18,7 +18,7 @@ from fem.io.frame_deck import Connection, FrameDeck, Link
 from fem.model import DIRECTIONS, lever_matrix
 
 _ALL = frozenset(DIRECTIONS)
-_SMALL = 1e-16
+NEGLIGIBLE_ARM_SQUARED = 1e-16
 """Square of a lever arm up to which it is none [m²]."""
 
 
@@ -120,7 +120,9 @@ class Nodes:
             for row in np.flatnonzero(self.body == self.body[lead]).tolist():
                 T = lever_matrix(self.deck.points[row] - self.deck.points[lead])
                 S += T.T @ (resist.get(row, np.zeros((6, 6))) + _fixed(self.deck, row)) @ T
-            free = tuple(d for d, s in zip(DIRECTIONS, np.diag(S), strict=True) if s <= _SMALL)
+            free = tuple(
+                d for d, s in zip(DIRECTIONS, np.diag(S), strict=True) if s <= NEGLIGIBLE_ARM_SQUARED
+            )
             if free:
                 out[lead] = free
         return out
@@ -185,7 +187,7 @@ def _acting(deck: FrameDeck, on_bars: Bools) -> dict[int, frozenset[str]]:
             T = lever_matrix(body.arm)
             S[body.node] = S.get(body.node, np.zeros((6, 6))) + T.T @ G @ T
     out = {
-        row: frozenset(d for d, s in zip(DIRECTIONS, np.diag(X), strict=True) if s > _SMALL)
+        row: frozenset(d for d, s in zip(DIRECTIONS, np.diag(X), strict=True) if s > NEGLIGIBLE_ARM_SQUARED)
         for row, X in S.items()
     }
     follows = Counter(row for link in deck.links for row in link.dependents)

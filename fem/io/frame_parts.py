@@ -15,7 +15,7 @@ from fem.model import DIRECTIONS, lever_matrix
 Motion = tuple[int, Floats]
 """Row of a node, and factors (6,) of its global motions."""
 
-SMALL = 1e-12
+NEGLIGIBLE_COEFFICIENT = 1e-12
 """Coefficient, relative to the largest of an equation, that counts as zero."""
 
 
@@ -82,7 +82,7 @@ def terms_of(motions: Iterable[Motion]) -> tuple[tuple[int, str, float], ...]:
     return tuple(
         (row, DIRECTIONS[k], float(v[k]))
         for row, v in total.items()
-        for k in np.flatnonzero(np.abs(v) > SMALL * largest).tolist()
+        for k in np.flatnonzero(np.abs(v) > NEGLIGIBLE_COEFFICIENT * largest).tolist()
     )
 
 

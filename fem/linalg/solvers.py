@@ -15,7 +15,7 @@ from threadpoolctl import ThreadpoolController
 
 from fem.linalg.multifrontal import EliminationPlan, factorise_blocks, plan_elimination
 
-SMALL = 1000
+SUPERLU_BELOW_EQUATIONS = 1000
 """Matrices of fewer equations are left to SuperLU."""
 
 BACKENDS = ("superlu", "multifrontal", "pardiso")
@@ -84,10 +84,10 @@ def factorise(
 ) -> Factor:
     """Factorise a sparse symmetric matrix, real or complex.
 
-    Below `SMALL` equations SuperLU with minimum degree on A + Aᵀ and no pivoting off the diagonal; else the
-    multifrontal method of :mod:`fem.linalg.multifrontal`, which pivots within dense blocks. PARDISO, of the
-    extra ``dovetail[accelerate]``, is used where it is asked for; complex matrices go to the multifrontal
-    method all the same, for its wrapper takes real ones only.
+    Below `SUPERLU_BELOW_EQUATIONS` equations, SuperLU with minimum degree on A + Aᵀ and no pivoting off the
+    diagonal; else the multifrontal method of :mod:`fem.linalg.multifrontal`, which pivots within dense
+    blocks. PARDISO, of the extra ``dovetail[accelerate]``, is used on request; complex matrices go to the
+    multifrontal method all the same, because its wrapper takes real ones only.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def factorise(
         raise SingularMatrixError(msg)
     chosen = backend or os.environ.get("DOVETAIL_SOLVER") or None
     if chosen in (None, SLEPC):
-        chosen = "superlu" if A.shape[0] < SMALL else "multifrontal"
+        chosen = "superlu" if A.shape[0] < SUPERLU_BELOW_EQUATIONS else "multifrontal"
     if chosen == "superlu":
         return _superlu(A)
     if chosen == "multifrontal" or (chosen == "pardiso" and np.iscomplexobj(A.data)):

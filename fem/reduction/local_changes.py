@@ -17,7 +17,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.series import terms_in_series
 from fem.reduction.terms import ReducedTerm, law_parts, motions_of
 
-_MANY = 12
+MOST_MOTIONS_AT_PLACE = 12
 """Of more motions than this at a place, those are kept that forces at inputs and outputs bring about."""
 
 _ENERGY = 1e-9
@@ -265,7 +265,7 @@ class LocalChanges:
         if known is not None:
             matrices = [*matrices, known.motions @ known.motions.T]
         motions, inverse, scale = motions_of(matrices)
-        if motions.shape[1] > _MANY:
+        if motions.shape[1] > MOST_MOTIONS_AT_PLACE:
             motions, inverse = self._brought_about(L, motions, inverse, matrices)
         Lm = motions.T @ L @ self.state.V
         G = times(Lm, self.state.solve((motions.T @ L).T))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fem.reduction.reduced_model import ReducedModel
 
-_FEW = 8
+LOCAL_DAMPING_RATIO = 8
 """Where local damping acts on this many times more motions than are asked for, these alone are solved for."""
 
 
@@ -123,7 +123,7 @@ class ModalSolution:
 
     def resisted(self, motions: NDArray[np.complex128]) -> NDArray[Any]:
         """Return the forces (n_freq, k, n) of local dampers, from the motions without them."""
-        if _FEW * motions.shape[2] < motions.shape[1] and self._correct is None:
+        if LOCAL_DAMPING_RATIO * motions.shape[2] < motions.shape[1] and self._correct is None:
             return np.linalg.solve(self.yielding, self.resisting @ motions)
         return self.correct @ motions
 

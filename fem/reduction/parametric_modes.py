@@ -17,7 +17,7 @@ FIRST_ORDER = 0.01
 """Local damping of a mode up to this part of its eigenvalue is followed to the first order [-]."""
 REFINEMENTS = 3
 """Rayleigh quotient iterations for a mode with more; they converge cubically."""
-NEAR = 1e-4
+LEAST_EIGENVALUE_GAP = 1e-4
 """Eigenvalues nearer than this, relatively, have derivatives of their shapes as if this far apart [-]."""
 
 Floats = NDArray[np.float64]
@@ -363,7 +363,7 @@ class ModesAt:
         shapes = []
         for c, (_, k, _) in enumerate(modes):
             lam = others[c].eigenvalues
-            apart, near = lam[k] - lam, (NEAR * lam[k]) ** 2
+            apart, near = lam[k] - lam, (LEAST_EIGENVALUE_GAP * lam[k]) ** 2
             weight = apart / (apart**2 + near)
             weight[k] = 0.0
             shapes.append((moved[:, :, c] * weight) @ others[c].shapes.T)

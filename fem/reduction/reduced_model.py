@@ -33,7 +33,7 @@ RESIDUAL_LIMIT = 20_000
 _ELEMENT = 12
 """DOFs of one element."""
 
-_ALIKE = 256
+MOST_VECTORS_BY_PAIRS = 256
 """Elements with one common matrix are projected by sums over their pairs of DOFs on bases of at most so many
 vectors."""
 
@@ -367,7 +367,10 @@ class ReducedModel:
         The inner sums are computed once for all matrices: one costs the same on any mesh. It is less than by
         way of the elements where there are as many of them as vectors.
         """
-        if len(contributions) != 1 or not len(contributions[0].dofs) >= self.basis.T.shape[1] <= _ALIKE:
+        if (
+            len(contributions) != 1
+            or not len(contributions[0].dofs) >= self.basis.T.shape[1] <= MOST_VECTORS_BY_PAIRS
+        ):
             return None
         (c,) = contributions
         matrices = [X for X in (c.K, c.M, c.C, c.D) if X is not None]

@@ -237,7 +237,7 @@ def _grouped(
         rows, columns = scipy.optimize.linear_sum_assignment(cost) if cost.size else ((), ())
         taken = set()
         for row, k in zip(rows, columns, strict=True):
-            if cost[row, k] < _APART:
+            if cost[row, k] < IMPOSSIBLE_COST:
                 groups[row][s] = int(k)
                 taken.add(int(k))
         groups += [{s: k} for k in every if k not in taken]
@@ -246,7 +246,7 @@ def _grouped(
     return groups
 
 
-_APART = 1e3
+IMPOSSIBLE_COST = 1e3
 """Cost of an assignment that is not possible."""
 
 
@@ -263,10 +263,10 @@ def _unlike(
     g, g_std, g_zeta, _, _ = _values(set_ups, {s: k})
     reach = zeta * f + g_zeta * g + CONFIDENCE * np.hypot(f_std, g_std)
     if abs(f - g) > reach:
-        return _APART
+        return IMPOSSIBLE_COST
     one, two = (_SetUpParts.of(set_ups, each, channels, shared).joined() for each in (group, {s: k}))
     common = ~(np.isnan(one) | np.isnan(two))
-    return 1 - _mac(one, two) + abs(f - g) / reach if common.any() else _APART
+    return 1 - _mac(one, two) + abs(f - g) / reach if common.any() else IMPOSSIBLE_COST
 
 
 def _values(set_ups: Sequence[AmbientModes], members: Members) -> tuple[float, float, float, float, float]:

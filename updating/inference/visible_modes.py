@@ -17,7 +17,7 @@ IN_PLANE = 0.5
 """Least share of a mode's motion in the plane of a test for it to be seen [-]."""
 LEAST_MOTION = 0.01
 """Least motion of a mode at the sensors or forces of a test, in parts of a mode's typical motion [-]."""
-SAME = 1e-6
+EIGENVALUE_TOLERANCE = 1e-6
 """Eigenvalues nearer than this, relatively, are one whose vectors may be any of their combinations [-]."""
 
 Floats = NDArray[np.float64]
@@ -105,7 +105,9 @@ def _motion(reduced: ReducedModel, axes: str) -> Floats:
 
 def _alike(lam: Floats, some: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
     """Return the modes that are alone at their frequency, and the others in groups of one frequency."""
-    first = np.flatnonzero(np.append(True, np.diff(lam[some]) > SAME * lam[some[1:]])[: len(some)])
+    first = np.flatnonzero(
+        np.append(True, np.diff(lam[some]) > EIGENVALUE_TOLERANCE * lam[some[1:]])[: len(some)]
+    )
     size = np.diff(np.append(first, len(some)))
     groups = zip(first[size > 1], size[size > 1], strict=True)
     return some[first[size == 1]], [some[k : k + n] for k, n in groups]

@@ -20,7 +20,7 @@ PLAUSIBLE = (0.2, 2.0)
 """Size of the test's points over the mesh's that is taken for metres without question."""
 FITTING = (0.2, 1.05)
 """The same for another unit to be taken instead."""
-AS_GOOD = 2.0
+EQUIVALENT_DISTANCE_RATIO = 2.0
 """Alternatives whose root mean square distance is below this times the best one's are as good as it."""
 _COLLINEAR = 1e-3
 _MOST_PLACES = 20_000
@@ -455,7 +455,7 @@ def _chosen(
         )
         raise GeometryMatchError(msg)
     best = found[0]
-    limit = AS_GOOD * max(best.rms, tolerance / 10)
+    limit = EQUIVALENT_DISTANCE_RATIO * max(best.rms, tolerance / 10)
     alike = [m for m in found if len(m.pairs) == len(best.pairs) and m.rms <= limit]
     same = tuple(sorted(alike, key=_uprightness))
     if alternative is not None:

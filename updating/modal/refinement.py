@@ -48,7 +48,7 @@ _TALL = 1e7
 _WELL_CONDITIONED = 1e-5
 """Least diagonal of R, of columns of length 1, for which that is as good as reflections [-]."""
 
-_NEAR = 3.0
+SCATTER_HALF_WIDTHS = 3.0
 """Lines within this many half-power half-widths of a pole tell the scatter of the FRFs near it."""
 
 
@@ -517,7 +517,7 @@ def scatter_near(fit: ModalFit, data: ModalFitData) -> Floats:
 def _near(data: ModalFitData, pole: complex) -> NDArray[np.int64]:
     """Return the lines near a pole."""
     apart = np.abs(data.frf.omega - pole.imag) / (data.added_decay - pole.real)
-    return np.sort(np.argsort(apart, kind="stable")[: max(9, int((apart <= _NEAR).sum()))])
+    return np.sort(np.argsort(apart, kind="stable")[: max(9, int((apart <= SCATTER_HALF_WIDTHS).sum()))])
 
 
 def _scatter(misfit: Complexes, usual: float) -> float:

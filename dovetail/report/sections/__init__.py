@@ -1,1 +1,1 @@
-"""Sections of a result, a file each: whether one applies, its table, and its figure, for every medium."""
+"""Sections of a report, a file each: whether one applies, its page, its table, and its figure."""
