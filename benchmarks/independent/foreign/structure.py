@@ -10,11 +10,11 @@ import numpy as np
 from benchmarks.independent.bodies import Bar
 from benchmarks.independent.casefiles import DIRECTIONS
 
-STRUCTURES, FURTHER, LATER, FRESH, LATEST, NEWEST = (
+STRUCTURES, FURTHER, LATER, FRESH, LATEST, NEWEST, UNSEEN = (
     Path(__file__).with_name(f"{name}.toml")
-    for name in ("structures", "further", "later", "fresh", "latest", "newest")
+    for name in ("structures", "further", "later", "fresh", "latest", "newest", "unseen")
 )
-NAMED = FURTHER, LATER, FRESH, LATEST, NEWEST
+NAMED = FURTHER, LATER, FRESH, LATEST, NEWEST, UNSEEN
 """Structures that every run draws are the first ones; of the others each is drawn when it is named."""
 E, NU, RHO = 210e9, 0.3, 7850.0
 HELD = 1e11
