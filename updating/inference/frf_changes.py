@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,8 @@ from fem.reduction.local_changes import LocalChanges
 from fem.reduction.terms import ReducedTerm
 from updating.correlation import complex_log
 from updating.inference.defaults import FULL_LINES
+from updating.inference.fit_result import FitResult
 from updating.inference.residual_changes import Complexes, Floats, ResidualChanges
-
-if TYPE_CHECKING:
-    from updating.inference.fit import FitProblem
-    from updating.inference.fit_result import FitResult
 
 VISIBLE = 1e-3
 """Changes of the compared FRFs below this are not seen: the directions measured do not have them [nepers]."""
@@ -37,7 +34,7 @@ class FrfChanges(ResidualChanges):
     (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each.
     """
 
-    problem: FitProblem
+    problem: Any
     lines: NDArray[np.int64]
     at: NDArray[np.int64]
     measured: Complexes
@@ -48,9 +45,7 @@ class FrfChanges(ResidualChanges):
     )
 
     @classmethod
-    def of(
-        cls, problem: FitProblem, base: FitResult, n_full: int | None, n_low: int, most: int
-    ) -> FrfChanges:
+    def of(cls, problem: Any, base: FitResult, n_full: int | None, n_low: int, most: int) -> FrfChanges:
         """Solve the model of a fit at some lines; parameters as of :meth:`Problem.changes_at`."""
         problem = problem.unloaded(base)
         full = problem.lines_up_to(np.inf, n_lines(problem) if n_full is None else n_full)
@@ -136,7 +131,7 @@ class FrfChanges(ResidualChanges):
         return self._solved[released]
 
 
-def n_lines(problem: FitProblem) -> int:
+def n_lines(problem: Any) -> int:
     """Return at how many lines the responses of all DOFs are kept."""
     frf = problem.data.measurement.frf
     responses = problem.reduced.model.n_dof * (len(frf.outputs) + len(frf.inputs))
