@@ -212,6 +212,10 @@ def _is_there(sensors: Sequence[Sensor], xyz: Floats, axis: Floats, size: float)
     )
 
 
+def _without_channels(scatter: FormScatter | None) -> FormScatter | None:
+    return None if scatter is None else replace(scatter, channels=None)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Separated:
     """What new data would tell of two fits to the present ones.
@@ -250,37 +254,32 @@ class _Separated:
     @classmethod
     def of(cls, problem: FitProblem, first: FitResult, second: FitResult) -> "_Separated":
         """Look at the present data from where the second fit is."""
-        fits = (first, second)
-        scatter = tuple(form_scatter(problem, fit, fit.size) for fit in fits)
-        looks = tuple(
-            Look.of(
-                replace(problem.with_forces_of(fit), scatter=each),
-                fit,
-                N_COMPARED_LINES,
-                0,
-                MOST_COMPARED,
-                bounded=False,
-            )
-            for fit, each in zip(fits, scatter, strict=True)
-        )
-        look = looks[1]
-        J = look.slopes * np.sqrt(look.trust)
-        n_channels = 0 if scatter[1] is None else scatter[1].n_channels
-        J = np.roll(J, n_channels, axis=0)
-        known = without(J @ J.T, np.zeros((n_channels, n_channels)))
+
+        def look_at(fit: FitResult) -> tuple[Look, FormScatter | None]:
+            scatter = form_scatter(problem, fit, fit.size)
+            there = replace(problem.with_forces_of(fit), scatter=scatter)
+            return Look.of(there, fit, N_COMPARED_LINES, 0, MOST_COMPARED, bounded=False), scatter
+
+        def left(look: Look) -> Floats:
+            return pseudo_huber(look.now, ROBUST) @ look.share
+
+        (one, small), (two, scatter) = look_at(first), look_at(second)
+        n_channels = 0 if scatter is None else scatter.n_channels
+        J = np.roll(two.slopes * np.sqrt(two.trust), n_channels, axis=0)
+        counts = problem.data.mask.sum(axis=(1, 2))
+        bands = np.unique(problem.band_of(two.lines)[counts[two.lines] > 0])
         lines = problem.lines_up_to(np.inf, FULL_LINES)
-        count = problem.data.mask[lines].sum(axis=(1, 2))
-        sizes = np.bincount(problem.band_of(lines), count)
+        sizes = np.bincount(problem.band_of(lines), counts[lines], minlength=int(bands[-1]) + 1)
         return cls(
             problem,
-            fits,
-            tuple(None if s is None else replace(s, channels=None) for s in scatter),
-            known,
-            len(look.prior_of) + len(problem.damping.start),
-            np.flatnonzero(sizes),
-            sizes[sizes > 0],
-            look.likelihood,
-            tuple(pseudo_huber(each.now, ROBUST) @ each.share for each in looks),
+            (first, second),
+            (_without_channels(small), _without_channels(scatter)),
+            without(J @ J.T, np.zeros((n_channels, n_channels))),
+            len(two.prior_of) + len(problem.damping.start),
+            bands,
+            np.maximum(sizes[bands].astype(float), 1.0),
+            two.likelihood,
+            (left(one), left(two)),
         )
 
     def by_new_channels(self, kind: str, new: Sequence[Sensor], frequency: Floats) -> tuple[Floats, Floats]:
@@ -305,10 +304,8 @@ class _Separated:
             chunk = tuple(new[first : first + N_AT_ONCE])
             ends = (chunk, some) if kind == "sensor" else (some, chunk)
             d, slopes, weight, of = self._predicted(*ends, frequency, self.deviations)
-            if not weight.any():
-                continue
             if kind == "excitation":
-                d, slopes, weight = (np.swapaxes(x, -1, -2) for x in (d, slopes, weight))
+                d, slopes, weight = d.swapaxes(-1, -2), slopes.swapaxes(-1, -2), weight.swapaxes(-1, -2)
                 of = of - len(some)
             for k in range(len(chunk)):
                 w = weight[:, k].ravel()
@@ -324,8 +321,8 @@ class _Separated:
     def by_higher_band(self, frequency: Floats) -> tuple[float, float]:
         """Return the difference [dB] and the evidence [nats] of the present channels in another band."""
         m, problem = self.problem.data.measurement, self.problem
-        scatter = form_scatter(self._with_data(m.sensors, m.excitations, frequency), self.fits[1])
-        scatter = None if scatter is None else replace(scatter, channels=None)
+        there = self._with_data(m.sensors, m.excitations, frequency)
+        scatter = _without_channels(form_scatter(there, self.fits[1]))
         d, slopes, weight, of = self._predicted(m.sensors, m.excitations, frequency, (None, scatter))
         n, slopes = self.n_fixed, slopes[: len(slopes) - len(of)]
         # which modes deviate there is another question than which do here
@@ -427,11 +424,11 @@ class _Separated:
         outputs, inputs = ([s.name for s in part] for part in (sensors, excitations))
         base = [name for name in m.frf.base if name in inputs]
         strain = tuple(s.name for s in sensors if s.quantity == STRAIN)
-        one = np.ones(shape)
-        frf = FRF.from_arrays(frequency, one + 0j, m.frf.kind, outputs, inputs, base, strain)
+        one, H = np.ones(shape), np.ones(shape, dtype=np.complex128)
+        frf = FRF.from_arrays(frequency, H, m.frf.kind, outputs, inputs, base, strain)
         test = Measurement(frf, tuple(sensors), tuple(excitations), phase=m.phase, errors=m.errors)
         none = np.zeros(len(frequency), dtype=bool)
-        data = FitData(test, frequency, one + 0j, one > 0, one, 0 * one, none)
+        data = FitData(test, frequency, H, one > 0, one, 0 * one, none)
         return replace(p, data=data, modes=None, scatter=None)
 
     def _as_measured(self, problem: FitProblem, H: Complexes) -> FitData:
