@@ -120,7 +120,7 @@ def test_the_desk_ranks_fits_and_maps_ratios(tmp_path):
     assert desk.nominal.frf.quantity == "transmissibility"
     ranked = desk.rank()
     assert ranked.wait(60)
-    assert {p.effect.name for p in ranked.result[:3]} & {"point_mass:mast"}
+    assert {p.effect.name for p in ranked.result.promises[:3]} & {"point_mass:mast"}
     desk.add("point_mass:mast", mass=0.12, position=0.75)
     fit = desk.fit_all()
     assert fit.wait(60)

@@ -128,7 +128,7 @@ def test_forces_at_a_place_reach_ratios_as_an_effect_there_does(problem):
     base = LocalChanges.of(problem.engine(f), np.zeros(0), zeta)
     little = PointMass(name="little", member="beam", position=0.11, mass=1e-6)
     (changed,) = base.receptances([little])
-    (shapes,) = Reach(problem.reduced.model, base).of([Place("point", "beam at 0.110 m", (little,))])
+    (shapes,) = Reach(problem.reduced.model, base).of([Place("point", "beam at 0.110 m", "beam", (little,))])
     change = (changed - base.H).transpose(0, 2, 1)[..., None]
     assert shapes.shape[:3] == change.shape[:3]
     scale = np.abs(shapes).max(axis=2, keepdims=True)

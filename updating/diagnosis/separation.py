@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -255,19 +256,19 @@ class _Separated:
     def of(cls, problem: FitProblem, first: FitResult, second: FitResult) -> "_Separated":
         """Look at the present data from where the second fit is."""
 
-        def look_at(fit: FitResult) -> tuple[Look, FormScatter | None]:
+        def look_at(fit: FitResult) -> tuple[Look[Any, Any], FormScatter | None]:
             scatter = form_scatter(problem, fit, fit.size)
             there = replace(problem.with_forces_of(fit), scatter=scatter)
             return Look.of(there, fit, N_COMPARED_LINES, 0, MOST_COMPARED, bounded=False), scatter
 
-        def left(look: Look) -> Floats:
+        def left(look: Look[Any, Any]) -> Floats:
             return pseudo_huber(look.now, ROBUST) @ look.share
 
         (one, small), (two, scatter) = look_at(first), look_at(second)
         n_channels = 0 if scatter is None else scatter.n_channels
         J = np.roll(two.slopes * np.sqrt(two.trust), n_channels, axis=0)
         counts = problem.data.mask.sum(axis=(1, 2))
-        bands = np.unique(problem.band_of(two.lines)[counts[two.lines] > 0])
+        bands = np.unique(problem.band_of(two.residuals.lines)[counts[two.residuals.lines] > 0])
         lines = problem.lines_up_to(np.inf, FULL_LINES)
         sizes = np.bincount(problem.band_of(lines), counts[lines], minlength=int(bands[-1]) + 1)
         return cls(
