@@ -167,7 +167,7 @@ class CandidateList:
         for promise in best:
             effect = promise.effect
             with ui.element("div").classes("desk-row"):
-                ui.label(gain_text(promise)).style("width: 64px")
+                ui.label(gain_text(promise)).style("width: 84px")
                 if not ranking.far:
                     ui.label(percent(promise.probability)).style("width: 64px")
                 values = parameters_text(promise.parameters)
@@ -220,8 +220,8 @@ def ranking_text(ranking: RankedCandidates, *, old: bool) -> str:
     when = " for an earlier hypothesis (rank again for the present one)" if old else ""
     if ranking.far:
         return (
-            f"Gain of each candidate{when}. The hypothesis is far from the data: only the order says "
-            "something. Fits decide."
+            f"Gain of each candidate{when}. The hypothesis is far from the data: gains order the "
+            "candidates, and fits decide."
         )
     return f"Gain of each candidate{when}, and its probability; all that is uncertain follows:"
 
