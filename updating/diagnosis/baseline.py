@@ -60,6 +60,10 @@ def calibrate(
         model, before, nuisances, damping_std=damping_std, model_error=model_error
     )
     problem = replace(problem, bad_prior=BAD_PRIOR)
+    return _calibrated(problem, made)
+
+
+def _calibrated(problem: ModeProblem, made: Formed) -> Calibrated:
     return _with_enriched_basis(problem, made, fit(problem))
 
 
@@ -95,6 +99,12 @@ def judged(
     scores = [nothing.score, search.unknown(nothing), *(h.score for h in looked_at(search))]
     if nothing.score - np.logaddexp.reduce(scores) > np.log(HALF):
         return Baseline(first, (first,), np.zeros(1))
+    # With a cause that is not there yet many readings seem bad, and with some of these many causes fit.
+    first = _calibrated(problem.believed, made)
+    search = Search(
+        first.problem, made.form, candidates, search_progress(say, start_time), ranking=ModeRanking()
+    )
+    search.known[frozenset()] = Hypothesis(first.fitted, search.fits.odds.prior(()))
     return _with_causes(first, concluded(searched_modes(search, made.formed, say), start_time))
 
 
