@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,8 @@ from numpy.typing import NDArray
 from fem.model import Effect, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt
 from fem.reduction.terms import ReducedTerm, motions_of
+from updating.inference.fit_result import FitResult
 from updating.inference.residual_changes import Complexes, Floats, ResidualChanges
-
-if TYPE_CHECKING:
-    from updating.inference.fit_result import FitResult
-    from updating.inference.mode_fit import MetModes, ModeFunction, ModeProblem, Partners
 
 VISIBLE = 0.1
 """Changes of the data below this are not seen: what was measured does not have them [standard deviations]."""
@@ -40,11 +37,11 @@ Key = tuple[tuple[str, str], ...]
 class ModeChanges(ResidualChanges):
     """Changes of the residuals of modes, however these are weighted."""
 
-    problem: ModeProblem
-    function: ModeFunction
+    problem: Any
+    function: Any
 
     @classmethod
-    def of(cls, problem: ModeProblem, base: FitResult) -> ModeChanges:
+    def of(cls, problem: Any, base: FitResult) -> ModeChanges:
         """Return the changes at a fit; unknowns that it lacks, as an effect took their place, are nominal."""
         values = [parameter_values(e) for e in base.effects]
         function = problem.function(base.effects, values, problem.targets.fitted)
@@ -57,7 +54,7 @@ class ModeChanges(ResidualChanges):
         return self.function.modes_at(self.x)
 
     @cached_property
-    def found(self) -> tuple[Complexes, Partners]:
+    def found(self) -> tuple[Complexes, Any]:
         """Residuals of the fit, and its partners of the measured modes."""
         return self.function.residuals(self.modes)
 
@@ -104,7 +101,7 @@ class ModeChanges(ResidualChanges):
     def by_terms(self, released: Sequence[tuple[str, str]], terms: Sequence[ReducedTerm]) -> Complexes:
         """Return the changes by terms added to the matrices, (n, m); NaN where there is no structure."""
         released, around = tuple(released), dict[Any, ModesAt]()
-        met: dict[int, MetModes] = {}
+        met = dict[int, Any]()
         for n, term in enumerate(terms):
             if term.place not in around:
                 around[term.place] = self.around(released, term)
