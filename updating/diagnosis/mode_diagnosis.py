@@ -117,8 +117,10 @@ class Calibrated:
     def _levels(self) -> ModeLevels:
         fit = self.fitted.levels
         assert isinstance(fit, ModeLevels)
-        sizes = (each[fit.kind] for each in (LEAST_DISCREPANCY, LARGEST_DISCREPANCY))
-        return ModeLevels.up_to(fit.kind, fit.n, fit.size, fit.variance, *sizes, fit.bad, fit.bad_prior)
+        least, largest = LEAST_DISCREPANCY[fit.kind], LARGEST_DISCREPANCY[fit.kind]
+        return ModeLevels.up_to(
+            fit.kind, fit.n, fit.size, fit.variance, least, largest, fit.bad, fit.bad_prior
+        )
 
     def _by_reading(self, of_groups: NDArray[np.float64]) -> NDArray[np.float64]:
         out = np.zeros((len(LARGEST_DISCREPANCY), self.problem.targets.n))
