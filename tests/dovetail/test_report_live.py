@@ -134,8 +134,9 @@ def test_of_very_many_lines_every_second_is_kept(monkeypatch):
 def test_every_figure_is_made(live):
     assert live.failures == []
     names = "model staircase map-fitted map-final misfit frf frf-error modes probability"
-    names += " ranking-1"
-    assert set(live.known) == set(names.split())
+    rankings = {name for name in live.known if name.startswith("ranking-")}  # one a round
+    assert "ranking-1" in rankings
+    assert set(live.known) - rankings == set(names.split())
 
 
 def test_figures_show_the_diagnosis(found, live):

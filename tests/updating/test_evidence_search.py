@@ -84,7 +84,7 @@ def run(monkeypatch):
         }.items():
             monkeypatch.setattr(Search, name, f)
         search = object.__new__(Search)
-        search.known, search.say, search.budget = {}, lambda text: None, NORMAL
+        search.known, search.say, search.budget, search.seeds = {}, lambda text: None, NORMAL, ()
         search.fits = SimpleNamespace(floor=1.0, is_far=lambda h: True)
         return search.run().name, went
 

@@ -315,12 +315,17 @@ def test_several_starts_find_what_one_misses():
 
 
 def test_measured_ratios_are_taken_over_with_modes():
+    """Four readings of 0.1, each mode with a scatter of 0.1 besides, against a prior of 0.5 in ln ζ.
+
+    Of the distance from the prior's 0.01, up to ln 1.65, a share of 0.02 / 0.25 remains where each of the two
+    knots has one reading to itself, and half of that where it has two: at most 6 %.
+    """
     model = beam(10, effects=(fix(0),))
     modes = fem.solve_modes(
         fem.assemble(model.with_damping(fem.Damping.modal([0.01, 0.02], [1.0, 1000.0], powers=True))), n=4
     )
     result = textbook(model, {E: 0.05}, modes=modes)
-    np.testing.assert_allclose(result.model.damping.ratio_at(modes.frequency), modes.zeta, rtol=0.03)
+    np.testing.assert_allclose(result.model.damping.ratio_at(modes.frequency), modes.zeta, rtol=0.06)
 
 
 def test_samples_repeat_a_normal_density():

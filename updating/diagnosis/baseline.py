@@ -59,7 +59,6 @@ def calibrate(
     problem, made = formed_mode_problem(
         model, before, nuisances, damping_std=damping_std, model_error=model_error
     )
-    problem = replace(problem, bad_prior=BAD_PRIOR)
     return _calibrated(problem, made)
 
 
@@ -88,23 +87,31 @@ def judged(
     """Return what the first state says of its calibrated model, and what may be missing in both states.
 
     The model stands where "nothing missing" is more probable than all single effects, by a look at them, and
-    than what the library does not have. Otherwise the first state is diagnosed as any other test is, and
-    the models of its credible set are those that the change is looked for beside.
+    than what the library does not have; a few readings may be bad ones. Otherwise the first state is
+    diagnosed as any other test is, and the models of its credible set are those that the change is looked
+    for beside.
     """
-    start_time, problem, made = time.perf_counter(), first.problem, first.made
-    candidates = candidates_for(made.model, problem.targets, kinds, exclude)
-    search = Search(problem, made.form, candidates, search_progress(say, start_time), ranking=ModeRanking())
-    nothing = Hypothesis(first.fitted, search.fits.odds.prior(()))
-    search.known[frozenset()] = nothing
-    scores = [nothing.score, search.unknown(nothing), *(h.score for h in looked_at(search))]
-    if nothing.score - np.logaddexp.reduce(scores) > np.log(HALF):
+    start_time, made = time.perf_counter(), first.made
+    candidates = candidates_for(made.model, first.problem.targets, kinds, exclude)
+
+    def search_at(base: Calibrated) -> Search[ModeProblem]:
+        tell = search_progress(say, start_time)
+        out = Search(base.problem, made.form, candidates, tell, ranking=ModeRanking())
+        out.known[frozenset()] = Hypothesis(base.fitted, out.fits.odds.prior(()))
+        return out
+
+    def stands(search: Search[ModeProblem]) -> bool:
+        nothing = search.known[frozenset()]
+        scores = [nothing.score, search.unknown(nothing), *(h.score for h in looked_at(search))]
+        return bool(nothing.score - np.logaddexp.reduce(scores) > np.log(HALF))
+
+    search = search_at(first)
+    if stands(search):
         return Baseline(first, (first,), np.zeros(1))
+    doubting = _calibrated(replace(first.problem, bad_prior=BAD_PRIOR), made)
+    if stands(search_at(doubting)):
+        return Baseline(doubting, (doubting,), np.zeros(1))
     # With a cause that is not there yet many readings seem bad, and with some of these many causes fit.
-    first = _calibrated(problem.believed, made)
-    search = Search(
-        first.problem, made.form, candidates, search_progress(say, start_time), ranking=ModeRanking()
-    )
-    search.known[frozenset()] = Hypothesis(first.fitted, search.fits.odds.prior(()))
     return _with_causes(first, concluded(searched_modes(search, made.formed, say), start_time))
 
 

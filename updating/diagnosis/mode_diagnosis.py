@@ -118,9 +118,8 @@ class Calibrated:
         fit = self.fitted.levels
         assert isinstance(fit, ModeLevels)
         least, largest = LEAST_DISCREPANCY[fit.kind], LARGEST_DISCREPANCY[fit.kind]
-        return ModeLevels.up_to(
-            fit.kind, fit.n, fit.size, fit.variance, least, largest, fit.bad, fit.bad_prior
-        )
+        known = fit.kind, fit.n, fit.size, fit.variance, largest, fit.bad, fit.bad_prior
+        return ModeLevels.up_to(*known, least=least)
 
     def _by_reading(self, of_groups: NDArray[np.float64]) -> NDArray[np.float64]:
         out = np.zeros((len(LARGEST_DISCREPANCY), self.problem.targets.n))
@@ -323,7 +322,8 @@ def concluded(done: Searched[ModeProblem], start_time: float) -> ModeDiagnosis:
         seconds=0.0,
         bad_readings=tuple(b for b in bad if b.probability >= HALF),
     )
-    out = replace(out, reason=_reason(out), next_measurements=_next(out))
+    reason = "; ".join([_reason(out), *_unexplained(out)])
+    out = replace(out, reason=reason, next_measurements=_next(out))
     return replace(out, seconds=time.perf_counter() - start_time)
 
 
@@ -380,7 +380,7 @@ def _reason(d: ModeDiagnosis) -> str:
         text = f"{shared}{none}; the {which}, {percent(d.reported.probability)}: {text}"
     elif n > 1 and d.verdict != UNEXPLAINED:
         text = f"{text}; {shared}"
-    return "; ".join([text, *_unexplained(d), *(b.text for b in d.bad_readings)])
+    return "; ".join([text, *(b.text for b in d.bad_readings)])
 
 
 def _unexplained(d: ModeDiagnosis) -> tuple[str, ...]:

@@ -531,10 +531,10 @@ class ModeFunction(FitFunction[ModeProblem]):
             n,
             size,
             (least**2 / parts)[kind],
-            LEAST_DISCREPANCY[kind],
             self.problem.discrepancy[kind],
             bad**2 / parts[kind],
             self.problem.bad_prior,
+            LEAST_DISCREPANCY[kind],
         )
 
     def minimise(self, x: Floats, stage: float, max_iterations: int, **how: Any) -> Solution:

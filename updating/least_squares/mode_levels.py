@@ -59,13 +59,13 @@ class ModeLevels:
         n: Floats,
         size: Floats,
         variance: Floats,
-        least: Floats,
         largest: Floats,
         bad: Floats,
         bad_prior: float = 0.0,
+        least: Floats | float = 0.0,
     ) -> "ModeLevels":
         """Return levels whose discrepancy may be of any order of magnitude between two sizes, (n_groups,)."""
-        low, high = least[:, None] ** 2, largest[:, None] ** 2
+        low, high = np.square(least * np.ones(len(kind)))[:, None], largest[:, None] ** 2
         return cls(kind, n, size, variance, low + (high - low) * SHARES**2, bad, bad_prior)
 
     @property
