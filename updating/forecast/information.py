@@ -11,6 +11,9 @@ from updating.least_squares.levels import Levels
 N_DOUBLED, N_HALVED = 8, 20
 """Steps that enclose a multiple, and halves of the range in which it then is."""
 
+SMALL = 1e-9
+"""What is known of an unknown is no less than this share of it: of two that do the same [-]."""
+
 Floats = NDArray[np.float64]
 
 
@@ -112,16 +115,30 @@ class Information:
         return Beyond(np.maximum(squares, 0.0), prior, products, lengths)
 
     def learned(self, known: Floats) -> tuple[Floats, Floats]:
-        """Return what data say of combinations of unknowns, (u,), and each group's part, (u, n_groups).
+        """Return :func:`learned` of the unknowns, of a precision (u, u) beforehand."""
+        return learned(self.unknowns[:, :, : len(known)], known)
 
-        Shares of all that is known of them afterwards.
-        """
-        information = self.unknowns[:, :, : len(known)]
-        total = information.sum(axis=0) + known
-        L = np.linalg.cholesky(total + 1e-9 * np.diag(total.diagonal()))
-        parts = [np.linalg.solve(L, np.linalg.solve(L, A).T) for A in information]
-        values, U = np.linalg.eigh(np.sum(parts, axis=0))
-        return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
+
+def learned(information: NDArray[np.floating], known: Floats) -> tuple[Floats, Floats]:
+    """Return what data say of combinations of unknowns, (u,), and each group's part, (u, n_groups).
+
+    Shares of all that is known of them afterwards. With a smaller misfit data say more, and the evidence
+    takes more for parameters that are free.
+
+    Parameters
+    ----------
+    information : ndarray (n_groups, u, u)
+        Of each group of residuals on the unknowns.
+    known : ndarray (u, u)
+        Precision beforehand.
+    """
+    total = information.sum(axis=0) + known
+    size = np.sqrt(np.where(total.diagonal() > 0, total.diagonal(), 1.0))
+    units = np.outer(size, size)
+    L = np.linalg.cholesky(total / units + SMALL * np.eye(len(size)))
+    parts = [np.linalg.solve(L, np.linalg.solve(L, A / units).T) for A in information]
+    values, U = np.linalg.eigh(np.sum(parts, axis=0))
+    return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
 
 
 def without(information: Floats, known: Floats) -> Floats:

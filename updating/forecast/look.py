@@ -19,6 +19,7 @@ from fem.reduction.scaling import scale_factors
 from fem.reduction.series import negative, terms_in_series
 from fem.reduction.terms import ReducedTerm
 from updating.forecast.grid import WEAKER, Grid, Little
+from updating.forecast.information import SMALL, learned
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
@@ -32,8 +33,6 @@ from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
 
-SMALL = 1e-9
-"""What the data say of a nuisance parameter is no less than this share of it: of two that do the same [-]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -364,23 +363,13 @@ class Look(Generic[P, C]):
 
     @cached_property
     def learned(self) -> tuple[Floats, Floats]:
-        """What the data say of combinations of nuisance parameters, (n,), and each group's part, (n, g).
-
-        Shares of all that is known of them. With a smaller misfit the data say more, and the evidence takes
-        more for parameters that are free.
-        """
+        """What the data say of nuisance parameters, (n,) and (n, n_groups): see :func:`learned`."""
         m = len(self.share)
         worth = self.likelihood.weight(self.level)
         root = np.sqrt(np.tile(self.robust * (self.share @ worth), 2))
         J, known = self.slopes[:, : 2 * m] * root, self.slopes[:, 2 * m :]
         groups = np.tile(self.share > 0, (2, 1)).T
-        information = [J[:, here] @ J[:, here].T for here in groups]
-        total = np.sum(information, axis=0) + known @ known.T
-        size = np.sqrt(np.where(total.diagonal() > 0, total.diagonal(), 1.0))
-        L = np.linalg.cholesky(total / np.outer(size, size) + SMALL * np.eye(len(size)))
-        parts = [np.linalg.solve(L, np.linalg.solve(L, A / np.outer(size, size)).T) for A in information]
-        values, U = np.linalg.eigh(np.sum(parts, axis=0))
-        return np.clip(values, 0.0, 1.0), np.stack([((B @ U) * U).sum(axis=0) for B in parts], axis=1)
+        return learned(np.array([J[:, here] @ J[:, here].T for here in groups]), known @ known.T)
 
     @property
     def weights(self) -> Floats:
