@@ -325,7 +325,7 @@ def test_a_click_in_the_structure_names_the_frf_that_it_shows(folder, found, chr
         page.wait_for_selector(f'figure[data-figure="frf"][data-pair="{shown.replace(" / ", "/")}"]')
         figure.get_by_role("link", name=f"FRF {shown}").click()
         top = "document.querySelector('figure[data-figure=frf]').getBoundingClientRect().top"
-        wait_until(page, f"Math.abs({top}) < innerHeight / 2", timeout=20)
+        wait_until(page, f"Math.abs({top}) < innerHeight / 2")
 
 
 def test_frequencies_of_frfs_can_be_logarithmic(folder, found, chromium):
