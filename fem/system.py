@@ -123,6 +123,12 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
     return System(K, M, C, D, Q, _allowed(model, Q, constraints), model, on_q)
 
 
+def mass_forces(system: System, shapes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return Mφ / φᵀMφ (n_dof, n) of motions φ (n_dof, n) that the constraints allow [1/m]."""
+    forces = np.asarray(system.Q @ (system.M @ (system.Q.T @ shapes)))
+    return forces / (shapes * forces).sum(axis=0)
+
+
 def refuse_motionless(system: System) -> None:
     """Raise a ModelError if constraints hold every point: loads on members still have reactions, no more."""
     if system.n_free == 0:

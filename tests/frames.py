@@ -351,6 +351,24 @@ point = "foot"
 """
 """A mast of 1 m on a support, of a study."""
 
+MAST_SENSORS = """
+[[sensors]]
+name = "tip"
+point = "tip"
+direction = "x"
+
+[[sensors]]
+name = "middle"
+point = [0.0, 0.0, 0.55]
+direction = "x"
+
+[[sensors]]
+name = "low"
+point = [0.0, 0.0, 0.3]
+direction = "x"
+"""
+"""Three sensors on it; keys that follow belong to the lowest."""
+
 FLAT_STEEL = """
 [materials.steel]
 E = 210e9

@@ -13,29 +13,14 @@ from dovetail.update import identify_study, update_study
 from fem import FRF, FRFKind, PointMass, assemble, compute_base_frf, solve_modes
 from fem.io import Function, read_uff, write_npz, write_uff
 from fem.io.uff import read_quietly
-from tests.frames import MAST
+from tests.frames import MAST, MAST_SENSORS
 from tests.noise import complex_normal
 from updating import mac, sensor_rows
 
-SENSORS = """
+SENSORS = f"""
 [[excitations]]
 base = "x"
-
-[[sensors]]
-name = "tip"
-point = "tip"
-direction = "x"
-
-[[sensors]]
-name = "middle"
-point = [0.0, 0.0, 0.55]
-direction = "x"
-
-[[sensors]]
-name = "low"
-point = [0.0, 0.0, 0.3]
-direction = "x"
-{low}
+{MAST_SENSORS}{{low}}
 
 [frequency]
 start = 4.0

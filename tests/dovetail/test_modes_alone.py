@@ -24,8 +24,9 @@ from tests.studies import study_file, study_from
 from updating import ModeDiagnosis, ModeTargets, Nuisance, diagnose_modes, propose, sensor_rows
 from updating.diagnosis import Explanation, ModeTable
 from updating.diagnosis.findings import Finding
-from updating.diagnosis.mode_diagnosis import _reason
+from updating.diagnosis.mode_diagnosis import _reason, _unexplained
 from updating.diagnosis.reported_modes import reported_modes
+from updating.inference.mode_fit import ModeReading
 
 LINES = f"""{MAST}
 [candidates]
@@ -446,6 +447,25 @@ def told(verdict, reported, *explanations):
         seconds=0.0,
     )
     return replace(found, reason=_reason(found))
+
+
+def test_readings_that_no_explanation_reaches_are_named_the_worst_first():
+    mass = SimpleNamespace(name="m", kind="mass", where="A")
+    unknown = told("unexplained", (), ((mass,), 0.5))
+    fitted = SimpleNamespace(misfit=np.array([9.0, 0.5, 1.0, 4.0]))
+    readings = ModeReading(0, 0), ModeReading(1, 0), ModeReading(0, 1), ModeReading(1, 2)
+    problem = SimpleNamespace(
+        allowed_squares=lambda: np.ones(4),
+        readings=lambda: readings,
+        targets=SimpleNamespace(frequency=np.array([12.5, 94.2])),
+    )
+    lead = SimpleNamespace(effects=(mass,), fitted=fitted)
+    unknown = replace(unknown, problem=problem, searched=SimpleNamespace(lead=lead))
+    (text,) = _unexplained(unknown)
+    assert text.startswith("with mass at A, the frequency of mode 1 (12.5 Hz) is off by 3 times")
+    assert "the shape of mode 2 (94.2 Hz) is off by 2 times" in text
+    assert "damping" not in text
+    assert _unexplained(replace(unknown, verdict="effect")) == ()
 
 
 def test_the_probability_next_to_a_statement_is_that_of_the_statement():

@@ -9,27 +9,12 @@ from dovetail import StudyError, load_study, main
 from dovetail.desk import Desk
 from fem import FRF, PointMass
 from fem.io import write_npz
-from tests.frames import MAST
+from tests.frames import MAST, MAST_SENSORS
 from tests.noise import complex_normal
 from updating import computed_frf
 from updating.plan.planned import planned_measurement
 
-SENSORS = """
-[[sensors]]
-name = "tip"
-point = "tip"
-direction = "x"
-
-[[sensors]]
-name = "middle"
-point = [0.0, 0.0, 0.55]
-direction = "x"
-
-[[sensors]]
-name = "low"
-point = [0.0, 0.0, 0.3]
-direction = "x"
-
+SENSORS = f"""{MAST_SENSORS}
 [[sensors]]
 name = "high"
 point = [0.0, 0.0, 0.75]

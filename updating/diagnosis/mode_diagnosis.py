@@ -99,6 +99,11 @@ class Calibrated:
         return self._by_reading(self._levels.discrepancy_share(self.fitted.misfit))
 
     @property
+    def carried_share(self) -> NDArray[np.float64]:
+        """The share that another state has, too: a bad reading says nothing of it, (3, n) [-]."""
+        return self.form_share * (1 - self.bad)
+
+    @property
     def form_error(self) -> NDArray[np.float64]:
         """Standard deviation of the model's error of frequencies, damping and shapes, (3,) [-].
 
@@ -393,13 +398,13 @@ def _unexplained(d: ModeDiagnosis) -> tuple[str, ...]:
     worst = [k for k in np.argsort(-beyond)[:MOST_NAMED] if beyond[k] > 1]
     if not worst:
         return ()
-    modes = [f"mode {readings[k].mode + 1} ({f[readings[k].mode]:.5g} Hz)" for k in worst]
     each = [
-        f"of the {readings[k].words} of {m} {beyond[k]:.2g} times as much"
-        for k, m in zip(worst, modes, strict=True)
+        f"the {readings[k].words} of mode {readings[k].mode + 1} ({f[readings[k].mode]:.5g} Hz) "
+        f"is off by {beyond[k]:.2g} times the error that a right model may leave"
+        for k in worst
     ]
-    what = labels(lead.effects) if lead.effects else "the fitted model"
-    return (f"{what} leaves more than a right model may: {', '.join(each)}",)
+    what = f"with {labels(lead.effects)}" if lead.effects else "without effects"
+    return (f"{what}, {', and '.join(each)}",)
 
 
 def _lead_error(d: ModeDiagnosis) -> str:

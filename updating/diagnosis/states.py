@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect, Model
 from fem.summary import percent
-from fem.system import assemble
+from fem.system import assemble, mass_forces
 from updating.diagnosis.baseline import calibrate, judged
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.carried import CHANGED
@@ -62,7 +62,7 @@ def carried_modes(calibrated: Calibrated, after: ModeTargets) -> CarriedModes:
     nothing.
     """
     problem, fitted = calibrated.problem, calibrated.fitted
-    before, (of_f, of_zeta, of_shape) = problem.targets, calibrated.form_share * (1 - calibrated.bad)
+    before, (of_f, of_zeta, of_shape) = problem.targets, calibrated.carried_share
     computed, refs, every = calibrated.computed, list(fitted.values), np.arange(problem.targets.n)
     at = problem.parametric(every, refs, fitted.effects).at(
         np.array([fitted.values[r] for r in refs]),
@@ -75,8 +75,7 @@ def carried_modes(calibrated: Calibrated, after: ModeTargets) -> CarriedModes:
     x = [at.columns @ p.vectors[:, partner[i]] for p, i in zip(pairs, some, strict=True)]
     basis, system = problem.reduced.basis, assemble(calibrated.model, reciprocal=False)
     phi = basis.T @ np.stack(x, axis=1) if x else np.zeros((len(basis.T), 0))
-    forces = np.asarray(system.Q @ (system.M @ (system.Q.T @ phi)))
-    forces = forces / (phi * forces).sum(axis=0)
+    forces = mass_forces(system, phi)
     moved = lam * ((before.frequency / computed.frequency)[some] ** (2 * of_f[some]) - 1)
     ratio = np.where(np.isfinite(before.zeta) & (computed.zeta > 0), before.zeta / computed.zeta, 1.0)[some]
     lost = 2 * computed.zeta[some] * (ratio ** of_zeta[some] - 1) * (lam + moved)
@@ -97,11 +96,9 @@ def with_first_errors(calibrated: Calibrated, after: ModeTargets) -> ModeTargets
     before, k = calibrated.problem.targets, _common_modes(calibrated, after)
     known = np.array([k >= 0, k >= 0, (k >= 0) & same_sensors(before, after)])
     unknown = np.where(known, calibrated.bad[:, k], 1.0)
-    noise = (
-        calibrated.form_share[:, k]
-        * np.square([before.frequency_std, before.zeta_std, before.shape_std])[:, k]
-    )
-    more = (1 - unknown) * noise + unknown * calibrated.form_error[:, None] ** 2
+    noise = np.square([before.frequency_std, before.zeta_std, before.shape_std])
+    more = (1 - unknown) * (calibrated.form_share * noise)[:, k]
+    more += unknown * calibrated.form_error[:, None] ** 2
     stds = np.square([after.frequency_std, after.zeta_std, after.shape_std])
     f, zeta, shape = np.sqrt(stds + more)
     return replace(after, frequency_std=f, zeta_std=zeta, shape_std=shape)
@@ -214,7 +211,7 @@ def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors |
     size, Q = np.linalg.eigh(first.fitted.covariance[:n, :n])
     errors = (Q * np.sqrt(np.maximum(size, 0.0))).T @ (J[:n] / function.units[:n, None])
     k = _common_modes(first, problem.targets)[function.mode_of]
-    share = np.where(k >= 0, (first.form_share * (1 - first.bad))[function.kinds, k], 0.0)
+    share = np.where(k >= 0, first.carried_share[function.kinds, k], 0.0)
     if not same_sensors(first.problem.targets, problem.targets):
         share = np.where(function.kinds == SHAPE, 0.0, share)
     return CommonErrors.of(function.least_deviations, errors * (1 - share))

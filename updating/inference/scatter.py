@@ -18,6 +18,7 @@ from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution, Effect, Model
 from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
+from fem.system import mass_forces
 from updating.inference.belief import FORM_DAMPING, FORM_MODES
 from updating.inference.defaults import FULL_LINES
 from updating.inference.fit_result import FitResult
@@ -185,10 +186,8 @@ def _forces(problem: FrfInputs, engine: ParametricFRF, total: dict[str, Any]) ->
     lam, V = eigh(total["K"], total["M"], check_finite=False)
     elastic = np.flatnonzero(lam > 1e-6 * highest)
     elastic = elastic[: int((lam[elastic] <= highest).sum()) + 1]
-    system, basis = problem.reduced.system, problem.reduced.basis
-    shapes = basis.T[:, engine.active] @ V[:, elastic]
-    forces = np.asarray(system.Q @ (system.M @ (system.Q.T @ shapes)))
-    return lam[elastic], forces * (np.sqrt(lam[elastic]) / (shapes * forces).sum(axis=0))
+    shapes = problem.reduced.basis.T[:, engine.active] @ V[:, elastic]
+    return lam[elastic], mass_forces(problem.reduced.system, shapes) * np.sqrt(lam[elastic])
 
 
 def _of_members(problem: FrfInputs, result: FitResult, frequency: Floats) -> Floats:

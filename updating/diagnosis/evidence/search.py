@@ -292,10 +292,13 @@ class Search(Generic[P]):
 
     def _from_seeds(self, nothing: Hypothesis) -> Hypothesis:
         """Return the best seed if it explains the data here, or a hypothesis without effects."""
+        if not self.seeds:
+            return nothing
+        names = key_of(self.candidates)
         for h in self.seeds:
-            if h.key <= {e.name for e in self.candidates}:
+            if h.key <= names:
                 self.full(h.effects, values_of(h.effects), nothing)
-        if not self.seeds or not self.best.effects or not self.explains(self.best):
+        if not self.best.effects or not self.explains(self.best):
             return nothing
         return self.with_enriched_basis(self.swapped(self.best))
 
