@@ -70,7 +70,7 @@ def test_probabilities_beside_what_explains_the_data_are_those_of_a_diagnosis(ca
         return odds.against(explained.effects, (effect,))
 
     screened = Ranking().screened(fits.free(base), base.fitted, rest, lambda e: False, against)
-    ratio = {s.effect.name: np.exp(s.log_evidence - against(s.effect)) for s in screened}
+    ratio = {s.effect.name: np.exp(s.estimate.log_evidence - against(s.effect)) for s in screened}
     assert not beside.far
     found = {p.effect.name: p.probability / beside.nothing for p in beside.promises}
     assert found == pytest.approx(ratio, rel=1e-9)

@@ -6,10 +6,9 @@ from scipy.integrate import quad
 
 from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating import build_mode_problem, diagnose_modes, propose
-from updating.diagnosis import weigh_unfitted
 from updating.diagnosis.evidence import ModeRanking, Search, values_of
 from updating.forecast import Forecast
-from updating.inference import EffectPrior, ModeProblem
+from updating.inference import TWIN_NATS, EffectPrior, ModeProblem
 from updating.inference.joint_fit import JointLevels
 from updating.least_squares import ModeLevels
 from updating.least_squares.levels import Levels
@@ -77,14 +76,28 @@ def test_evidence_by_slopes_is_that_of_a_fit_where_effects_are_weak(kind):
         assert forecast.log_evidence[k] == pytest.approx(gain, abs=0.4)
 
 
-def test_all_that_the_data_see_has_a_probability_beside_nothing():
-    search, _ = begun(["member_section", "member_density", "support_flexibility", "crack"])
-    weigh_unfitted(search)
-    names = {name for key in search.known for name in key}
+def test_every_candidate_has_a_probability_beside_nothing():
+    search, nothing = begun(["member_section", "member_density", "support_flexibility", "crack"])
+    search.promise_rest(nothing)
+    promised = {h.effects[0].name: h for h in search.promises()}
+    assert set(promised) == {e.name for e in search.candidates}
     # The density of all that there is does what Young's modulus does, and torsion moves no sensor.
-    unseen = {e.name for e in search.candidates} - names
-    assert names >= {e.name for e in search.candidates if e.kind in ("member_section", "crack")}
-    assert unseen >= {e.name for e in search.candidates if e.kind == "member_density"}
+    unseen = [h for h in promised.values() if h.effects[0].kind == "member_density"]
+    assert [h.score - nothing.score for h in unseen] == pytest.approx([h.prior for h in unseen])
+    seen = [h for h in promised.values() if h.effects[0].kind in ("member_section", "crack")]
+    assert all(np.isfinite(list(h.fitted.std.values())).all() for h in seen)
+    assert len({h.score - h.prior for h in seen}) > 1
+
+
+def test_what_promises_to_be_a_twin_of_the_best_hypothesis_is_fitted():
+    search, nothing = begun(["member_section", "support_flexibility"])
+    search.promise_rest(nothing)
+    twin, *others = search.promises()
+    search.promised[twin.key] = twin.at_score(nothing.score - TWIN_NATS / 2)
+    search.fit_promised()
+    assert search.is_full(search.known[twin.key])
+    assert search.known[twin.key].score == pytest.approx(twin.score, abs=1.0)
+    assert {h.key for h in search.promises()} == {h.key for h in others}
 
 
 def test_frequencies_alone_are_not_sure_of_nothing():

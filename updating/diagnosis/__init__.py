@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from updating.diagnosis.mode_table import ModeTable
     from updating.diagnosis.separation import BAND_BEYOND, what_decides
     from updating.diagnosis.states import changed_problem
-    from updating.diagnosis.unfitted import weigh_unfitted
     from updating.diagnosis.verdict import Explanation
 else:
     __getattr__, __dir__ = names_on_use(__name__)
@@ -52,6 +51,5 @@ __all__ = [
     "poor_baseline",
     "situated",
     "unstated",
-    "weigh_unfitted",
     "what_decides",
 ]

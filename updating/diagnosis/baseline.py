@@ -28,7 +28,6 @@ from updating.diagnosis.mode_diagnosis import (
     searched_modes,
 )
 from updating.diagnosis.mode_table import HALF
-from updating.diagnosis.unfitted import looked_at
 from updating.diagnosis.verdict import CREDIBLE
 from updating.inference.bases import N_BASES
 from updating.inference.defaults import EXPLAINED_LEVEL
@@ -102,7 +101,8 @@ def judged(
 
     def stands(search: Search[ModeProblem]) -> bool:
         nothing = search.known[frozenset()]
-        scores = [nothing.score, search.unknown(nothing), *(h.score for h in looked_at(search))]
+        search.promise_rest(nothing)
+        scores = [nothing.score, search.unknown(nothing), *(h.score for h in search.promises())]
         return bool(nothing.score - np.logaddexp.reduce(scores) > np.log(HALF))
 
     search = search_at(first)
@@ -124,7 +124,7 @@ def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:
     done, search = d.searched, d.searched.search
     nothing, half = search.known[frozenset()], done.unknown - np.log(2.0)
     every = [(float(np.logaddexp(nothing.score, half)), nothing)]
-    if with_effects := [h for h in done.hypotheses if h.effects]:
+    if with_effects := [h for h in done.weighed if h.effects]:
         all_ = np.logaddexp.reduce([h.score for h in with_effects])
         every += [(float(h.score + np.logaddexp(0.0, half - all_)), h) for h in with_effects]
     every.sort(key=lambda each: -each[0])

@@ -21,7 +21,6 @@ from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import Finding, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.mode_table import HALF, ModeTable
-from updating.diagnosis.unfitted import weigh_unfitted
 from updating.diagnosis.verdict import (
     CALIBRATED,
     CREDIBLE,
@@ -242,7 +241,8 @@ class Baseline:
 def searched_modes(search: Search[ModeProblem], model: Model, say: Progress) -> Searched[ModeProblem]:
     """Return a search by modes of a model that has ended, with all that the data see in its posterior."""
     done = searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
-    weigh_unfitted(search)
+    search.promise_rest(search.known[frozenset()])
+    search.fit_promised()
     weigh_elsewhere(search)
     return done if search.best.score <= done.best.score else replace(done, best=search.polished(search.best))
 
@@ -339,7 +339,7 @@ def _reported(done: Searched[ModeProblem]) -> Hypothesis:
 def _next(d: ModeDiagnosis) -> tuple[str, ...]:
     """Return what would tell the first two explanations of the credible set apart."""
     n = min(2, sum(e.known for e in d.credible))
-    likely = sorted(d.searched.hypotheses, key=lambda h: -h.score)[:n]
+    likely = sorted(d.searched.weighed, key=lambda h: -h.score)[:n]
     models = [fitted_model(d.searched.model, h.fitted) for h in likely]
     t = d.problem.targets
     return next_measurements(d.searched.model, models, t.n, float(t.frequency[-1]))

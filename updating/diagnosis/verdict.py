@@ -9,7 +9,7 @@ from fem.model import Effect, Model
 from fem.summary import counted, percent
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Promised
+from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, labels, parameters_of
 from updating.diagnosis.mode_table import HALF, ModeTable
 from updating.inference.fit import FitProblem
@@ -123,7 +123,8 @@ class Verdict:
         What a reader should know.
     seconds : float
     explanations : tuple of Explanation
-        Hypotheses that were fitted, and what the library does not have, the most probable first.
+        Hypotheses, and what the library does not have, the most probable first; of those that were not
+        fitted the values are to the first order.
     posterior : tuple of (tuple of str, float)
         Names of the effects of each hypothesis, and its probability, the most probable first; the last is
         that of what the library does not have, under the name ``"unknown"``.
@@ -232,24 +233,23 @@ def posterior_of(done: Searched) -> Posterior:
 
 
 def explanations_of(done: Searched) -> tuple[Explanation, ...]:
-    """Return the hypotheses of a search that were fitted, and the unknown cause, the most probable first."""
+    """Return the hypotheses of a search and the unknown cause, the most probable first."""
     out = [
         Explanation(h.effects, tuple(parameters_of(e, h.fitted) for e in h.effects), p)
         for h, p in _weighed(done)
-        if isinstance(h, Hypothesis)
     ]
     out.append(Explanation((), (), done.unknown_probability, known=False))
     return tuple(sorted(out, key=lambda e: -e.probability))
 
 
-def _weighed(done: Searched) -> list[tuple[Hypothesis | Promised, float]]:
+def _weighed(done: Searched) -> list[tuple[Hypothesis, float]]:
     """Return hypotheses with their probabilities: one of several searches is the same in all of them."""
     evidence = done.evidence
     every = [(h, float(np.exp(h.score - evidence))) for h in done.weighed]
     if not done.otherwise:
         return every
     known = {id(h) for way in (done, *done.otherwise) for h in way.search.known.values()}
-    same: dict[tuple[str, ...], tuple[Hypothesis | Promised, float]] = {}
+    same: dict[tuple[str, ...], tuple[Hypothesis, float]] = {}
     for h, p in every:
         if id(h) in known:
             first, others = same.get(done.names(h), (h, 0.0))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Effect, ParameterRef
+from fem.model import Effect, ParameterRef, parameter_values
 from updating.forecast.grid import Grid, Little
 from updating.forecast.look import Complexes, Floats, Look
 from updating.forecast.sizes import Sizes
@@ -32,6 +32,26 @@ TOGETHER = 200
 """Number of small changes that are judged at once."""
 
 Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """What a fit with a candidate would find, to the first order.
+
+    Attributes
+    ----------
+    effect : Effect
+        The candidate.
+    values, std : dict
+        Of its parameters; those that it was proposed with, and ∞, where the data do not see it.
+    log_evidence : float
+        Ln of the likelihood ratio over a model without it, averaged over sizes and places.
+    """
+
+    effect: Effect
+    values: dict[str, float]
+    std: dict[str, float]
+    log_evidence: float
 
 
 @dataclass(eq=False)
@@ -230,7 +250,7 @@ class Forecast:
 
         return change
 
-    @property
+    @cached_property
     def candidates(self) -> tuple[Effect, ...]:
         """The candidates."""
         return tuple(little.grid.effect for little in self.littles)
@@ -281,6 +301,14 @@ class Forecast:
         return sizes.estimate(
             int(self.place[i]), float(self.factor[i]), 1 / max(float(self.sharpness[i]), 1e-12)
         )
+
+    def estimated(self, k: int) -> Estimate:
+        """Return what a fit with the k-th candidate would find."""
+        effect, gain = self.candidates[k], float(self.log_evidence[k])
+        if not np.isfinite(self.best_gains[k]):
+            values = parameter_values(effect)
+            return Estimate(effect, values, dict.fromkeys(values, np.inf), gain)
+        return Estimate(effect, *self.estimate(self.best_place(k)), gain)
 
     def _over_places(self, together: np.ufunc, each: Floats) -> Floats:
         out = np.full(len(self.littles), -np.inf)

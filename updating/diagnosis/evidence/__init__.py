@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from updating.diagnosis.evidence.hypothesis import (
         Hypothesis,
         Odds,
-        Promised,
         Start,
         n_changes,
         near_to,
@@ -43,7 +42,6 @@ __all__ = [
     "Hypothesis",
     "ModeRanking",
     "Odds",
-    "Promised",
     "Ranking",
     "Scan",
     "Search",

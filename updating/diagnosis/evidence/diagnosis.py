@@ -13,7 +13,7 @@ from updating.diagnosis.begin import calibrated
 from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.fits import P
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Promised
+from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
@@ -112,7 +112,7 @@ class Searched(Generic[P]):
         return fitted + [h for other in self.otherwise for h in other.hypotheses]
 
     @property
-    def weighed(self) -> list[Hypothesis | Promised]:
+    def weighed(self) -> list[Hypothesis]:
         """All that share the probability: those that were not fitted, too."""
         mine = [*self.search.known.values(), *self.search.elsewhere, *self.search.promises()]
         return mine + [h for other in self.otherwise for h in other.weighed]
@@ -122,7 +122,7 @@ class Searched(Generic[P]):
         """Faults set right in either reading."""
         return (*self.faults, *(f for other in self.otherwise for f in other.faults))
 
-    def names(self, h: Hypothesis | Promised) -> tuple[str, ...]:
+    def names(self, h: Hypothesis) -> tuple[str, ...]:
         """Return the names of a hypothesis's effects, and of its faults where others are set right here.
 
         Of a fault that is set right here alone, the name follows ``AS_READ``.
@@ -131,7 +131,7 @@ class Searched(Generic[P]):
         here, there = ({f.name for f in way.faults} for way in (self, other))
         return tuple(sorted([*h.key, *(there - here), *(f"{AS_READ}{name}" for name in here - there)]))
 
-    def probability(self, h: Hypothesis | Promised) -> float:
+    def probability(self, h: Hypothesis) -> float:
         """Return the posterior probability of a hypothesis."""
         return float(np.exp(h.score - self.evidence))
 
@@ -259,7 +259,8 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
     progress("refining", 0.9)
     best, *others = sorted(ways, key=lambda way: -way.search.best.score)
     best = replace(best, best=best.search.polished(best.search.with_rivals_of_form(best.search.best)))
-    best.search.promise_rest(best.best)
+    if best.explains:
+        best.search.promise_rest(best.best)
     return replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
 
 

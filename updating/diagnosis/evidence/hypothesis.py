@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Start:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """A model with effects, fitted.
+    """A model with effects, fitted, or as the forecast beside another fit has it.
 
     Attributes
     ----------
@@ -55,6 +55,10 @@ class Hypothesis:
         """Logarithm of its posterior probability, up to a constant."""
         return self.fitted.log_evidence + self.prior
 
+    def at_score(self, score: float) -> "Hypothesis":
+        """Return the same with another score."""
+        return replace(self, fitted=replace(self.fitted, log_evidence=score - self.prior))
+
     @property
     def key(self) -> frozenset[str]:
         """Names of the effects."""
@@ -69,31 +73,6 @@ class Hypothesis:
     def name(self) -> str:
         """Effects in words."""
         return " + ".join(sorted(f"{e.kind} {e.where}" for e in self.effects)) or "nothing"
-
-
-@dataclass(frozen=True, slots=True)
-class Promised:
-    """A model with effects that was not fitted.
-
-    Attributes
-    ----------
-    effects : tuple of Effect
-    score : float
-        Logarithm of its posterior probability, up to a constant, as a look at small changes promises it.
-    """
-
-    effects: tuple[Effect, ...]
-    score: float
-
-    @property
-    def key(self) -> frozenset[str]:
-        """Names of the effects."""
-        return key_of(self.effects)
-
-    @property
-    def places(self) -> frozenset[str]:
-        """Members and connections that the effects act on."""
-        return places_near(self.effects)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from fem.model import Effect
 from updating.diagnosis.evidence.places import Place, acting
 from updating.diagnosis.evidence.ranking import RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned, scanned
@@ -52,10 +51,6 @@ class ModeRanking(Ranking):
     def blocks(self, problem: Any, current: FitResult, *, far: bool) -> RankedBlocks:
         """Return what ranks nothing: modes say too little of several springs at once."""
         return lambda groups: []
-
-    def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> None:
-        """Return None: :mod:`updating.diagnosis.unfitted` weighs them."""
-        return
 
 
 def _residual_ratio(y: Floats, slopes: Floats) -> float:

@@ -12,7 +12,7 @@ from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.evidence.screening import Screened, look_at, looks_at, screen, screen_near
 from updating.diagnosis.evidence.shortlist import MOST_PLACES, rivals, shortlist
-from updating.forecast.forecast import Forecast
+from updating.forecast.forecast import Estimate, Forecast
 from updating.forecast.grid import Grid
 from updating.forecast.look import Floats
 from updating.inference.fit_result import FitResult
@@ -99,12 +99,10 @@ class Ranking:
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, bases, grids, far=far)
 
-    def log_evidence(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> Floats | None:
-        """Return ln of likelihood ratios over a fit, averaged over sizes and places, (n_effects,).
-
-        None where those that were not fitted are weighed otherwise.
-        """
-        return Forecast.at(problem, current, effects, n_places=MOST_PLACES).log_evidence
+    def estimates(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> list[Estimate]:
+        """Return what fits with one of some effects more would find, of all that have a grid."""
+        grids = [g for e in effects if (g := Grid.of(problem, e)).points]
+        return likeliest(Forecast.several(problem, current, grids, n_places=MOST_PLACES))
 
     def blocks(self, problem: Any, current: FitResult, *, far: bool) -> RankedBlocks:
         """Return what puts groups of effects with starts in order, the most promising first.
@@ -129,6 +127,16 @@ class Ranking:
         return problem.small_deviations(result, size, self.form_share)
 
 
+def likeliest(forecasts: Sequence[Forecast]) -> list[Estimate]:
+    """Return of each candidate the estimate that makes it the most probable, of forecasts by several looks.
+
+    Forecasts that do not see a candidate count only if none does.
+    """
+    seen = np.array([np.isfinite(f.best_gains) for f in forecasts])
+    evidence = np.where(seen, [f.log_evidence for f in forecasts], -np.inf)
+    return [forecasts[i].estimated(k) for k, i in enumerate(np.argmax(evidence, axis=0))]
+
+
 def screened_near(
     problem: Any, current: FitResult, forecasts: Sequence[Forecast], against: Floats, least: int = N_LOOKED
 ) -> tuple[Screened, ...]:
@@ -148,7 +156,7 @@ def screened_near(
     """
     grids = [little.grid for little in forecasts[0].littles]
     linear = np.max([f.best_gains for f in forecasts], axis=0)
-    evidence = np.max([f.log_evidence for f in forecasts], axis=0)
+    estimates = likeliest(forecasts)
     # What has no slope is no small change: a look decides.
     has_slope = forecasts[0].look.residuals.has_slope
     gains = np.where([has_slope(g.effect) for g in grids], linear, np.inf)
@@ -163,8 +171,6 @@ def screened_near(
     for s in looked:
         i = number.pop(s.effect.name)
         more = s.gain - max(float(linear[i]), 0.0)
-        out.append(replace(s, log_evidence=float(evidence[i]) + more))
-    return (
-        *out,
-        *(Screened(grids[i].effect, (), float(linear[i]), float(evidence[i])) for i in number.values()),
-    )
+        e = estimates[i]
+        out.append(replace(s, estimate=replace(e, log_evidence=e.log_evidence + more)))
+    return (*out, *(Screened(grids[i].effect, (), float(linear[i]), estimates[i]) for i in number.values()))

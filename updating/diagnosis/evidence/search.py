@@ -1,7 +1,8 @@
 """The search: places by the scan, then blocks and single laws there, each by its evidence."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from contextlib import suppress
 from dataclasses import InitVar, dataclass, field, replace
 from functools import partial
 from itertools import combinations, product
@@ -30,7 +31,6 @@ from updating.diagnosis.evidence.halving import Damped, HalvingTrial, halved
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
     Odds,
-    Promised,
     Start,
     Values,
     is_simpler,
@@ -43,6 +43,7 @@ from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.ranking import RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
+from updating.forecast.forecast import Estimate
 from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
 from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit import FitProblem
@@ -54,6 +55,8 @@ DOUBT_NATS = 15.0
 """An effect is left out in a fit unless the covariance says that the score would fall by more than this."""
 LEAST_SHORT = 3
 """Number of short fits beside a hypothesis that explains the data, where the looks promise nothing."""
+MOST_PROMISED = 24
+"""Most candidates that are fitted because they promise to be twins of the best hypothesis."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
 CONNECTIONS = ("joint", "support", "end")
@@ -224,7 +227,7 @@ class Search(Generic[P]):
     fits: Fits[P] = field(init=False)
     places: tuple[Place, ...] = field(init=False)
     elsewhere: list[Hypothesis] = field(default_factory=list, init=False)
-    promised: dict[frozenset[str], Promised] = field(default_factory=dict, init=False)
+    promised: dict[frozenset[str], Hypothesis] = field(default_factory=dict, init=False)
     _extended: set[frozenset[str]] = field(default_factory=set, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
     # Of the problem beside them: they are asked for with every probability.
@@ -302,29 +305,34 @@ class Search(Generic[P]):
             return nothing
         return self.with_enriched_basis(self.swapped(self.best))
 
-    def promises(self) -> list[Promised]:
+    def promises(self) -> list[Hypothesis]:
         """Return what was not fitted, as probable as its forecast makes it."""
         return [p for key, p in self.promised.items() if key not in self.known]
 
     def promise_rest(self, base: Hypothesis) -> None:
-        """Forecast every candidate that could be added to a hypothesis which explains the data.
+        """Forecast every candidate that could be added to a hypothesis.
 
         The search has done it for those that it has tried to extend near the data.
         """
-        if base.key in self._extended or not self.explains(base):
-            return
-        rest = self.compatible_with(base.effects)
-        evidence = self.fits.ranking.log_evidence(self.fits.free(base), base.fitted, rest)
-        if evidence is not None:
-            self._promise(base, list(zip(rest, evidence.tolist(), strict=True)))
+        if base.key not in self._extended:
+            rest = self.compatible_with(base.effects)
+            self._promise(base, self.fits.ranking.estimates(self.fits.free(base), base.fitted, rest))
 
-    def _promise(self, base: Hypothesis, forecast: Sequence[tuple[Effect, float]]) -> None:
-        """Keep what hypotheses with one effect more are worth, of effects with their log evidence."""
+    def _promise(self, base: Hypothesis, estimates: Iterable[Estimate]) -> None:
+        """Keep what hypotheses with one effect more are worth."""
         self._extended.add(base.key)
-        for effect, gain in forecast:
-            score = base.score + gain - self.fits.odds.against(base.effects, (effect,))
-            new = (*base.effects, effect)
-            self.promised.setdefault(key_of(new), Promised(new, score))
+        for e in estimates:
+            fitted = base.fitted.with_estimated(e.effect, e.values, e.std, e.log_evidence)
+            h = Hypothesis(fitted, self.fits.odds.prior((*base.effects, e.effect)))
+            self.promised.setdefault(h.key, h)
+
+    def fit_promised(self) -> None:
+        """Fit what was not fitted and is promised to be a twin of the best hypothesis."""
+        for h in sorted(self.promises(), key=lambda h: -h.score)[:MOST_PROMISED]:
+            if h.score < self.best.score - TWIN_NATS:
+                break
+            with suppress(np.linalg.LinAlgError):  # no structure: more mass taken away than there is
+                self.full(h.effects, values_of(h.effects), h)
 
     def settled(self, h: Hypothesis) -> bool:
         """Whether a hypothesis has found what was missing: otherwise its uncertain parameters may be bent."""
@@ -372,8 +380,7 @@ class Search(Generic[P]):
         """Keep what was fitted on few lines alone, as far behind the best as there."""
         few = {h.key: h for h in tried}
         for key, h in few.items():
-            behind = replace(h.fitted, log_evidence=best.score - few[best.key].score + h.fitted.log_evidence)
-            self.known.setdefault(key, replace(h, fitted=behind))
+            self.known.setdefault(key, h.at_score(best.score + h.score - few[best.key].score))
 
     def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> list[HalvingTrial]:
         """Return candidates that damped FRFs ask for, the best of each sort."""
@@ -443,7 +450,7 @@ class Search(Generic[P]):
             # A short fit says more than the forecast: what it did not reach is no promise any more.
             for fits, _ in short:
                 key = fits[0].key
-                self.promised[key] = Promised(fits[0].effects, base.score + fits[0].score - now)
+                self.promised[key] = fits[0].at_score(base.score + fits[0].score - now)
         short.sort(key=lambda each: -each[0][0].score)
         # A few steps say little of a strong effect, and the scan has needed none.
         promising = [
@@ -583,7 +590,7 @@ class Search(Generic[P]):
         if settled:
             screened.sort(key=lambda s: against(s.effect) - s.gain)
             if self.fits.ranking.precise_looks:
-                self._promise(base, [(s.effect, s.log_evidence) for s in screened])
+                self._promise(base, (s.estimate for s in screened if s.estimate))
         # Where something is missing parameters may be bent, nothing is linear, and all may win.
         likely = [s for s in screened if not settled or s.gain > against(s.effect)]
         chosen = likely[: self.budget.n_short * self.fits.ranking.breadth]
