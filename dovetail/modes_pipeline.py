@@ -11,8 +11,9 @@ from dovetail.file.contents import StudyContents
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError
 from fem.model import Effect, Model
-from updating.diagnosis.mode_diagnosis import Baseline, ModeDiagnosis, diagnose_modes
-from updating.diagnosis.states import changed_problem, diagnose_change
+from updating.diagnosis.diagnose_modes import diagnose_modes
+from updating.diagnosis.mode_diagnosis import Baseline, ModeDiagnosis
+from updating.diagnosis.states import changed_problem
 from updating.inference.formed import formed_mode_problem
 from updating.inference.mode_fit import BAD_PRIOR, ModeProblem
 from updating.inference.mode_targets import ModeTargets
@@ -101,11 +102,10 @@ def diagnose_study_modes(
         "model_error": study.model_error,
         "progress": say,
     }
-    after = targets_of(study.modes)
-    if study.baseline is None:
-        return diagnose_modes(study.model, after, study.nuisances, **more)
-    before, (model, changes) = judged or targets_of(study.baseline), first_state(study)
-    return diagnose_change(model, before, after, study.nuisances, changes=changes, **more)
+    model, changes = first_state(study)
+    if study.baseline is not None:
+        more |= {"baseline": judged or targets_of(study.baseline), "changes": changes}
+    return diagnose_modes(model, targets_of(study.modes), study.nuisances, **more)
 
 
 def mode_problem(study: StudyContents) -> ModeProblem:

@@ -6,7 +6,7 @@
                        ─ update → Updated: the model, values with uncertainty, the path there
                        ─ build_problem → FitProblem ─ locate → Localisation
                        ─ diagnose → Diagnosis: verdict, findings with their twins, faults, the updated model
-    ModeTargets, Model ─ build_mode_problem, diagnose_modes → ModeDiagnosis;  of two states diagnose_change
+    ModeTargets, Model ─ build_mode_problem, diagnose_modes → ModeDiagnosis
     before a test      ─ plan_pretest → PretestPlan;  plan_test → Plan
     after it           ─ match_geometry → GeometryMatch
 
@@ -55,11 +55,11 @@ if TYPE_CHECKING:
     )
     from updating.diagnosis.candidates import propose
     from updating.diagnosis.diagnose import diagnose
+    from updating.diagnosis.diagnose_modes import diagnose_modes
     from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
     from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
     from updating.diagnosis.localisation import Localisation, locate
-    from updating.diagnosis.mode_diagnosis import ModeDiagnosis, diagnose_modes
-    from updating.diagnosis.states import diagnose_change
+    from updating.diagnosis.mode_diagnosis import ModeDiagnosis
     from updating.inference.arrays import frf_data, mode_data
     from updating.inference.bootstrap import BootstrapModel, refit
     from updating.inference.fit import FitProblem
@@ -213,7 +213,6 @@ __all__ = [
     "cross_signature_scale",
     "damping_matrix",
     "diagnose",
-    "diagnose_change",
     "diagnose_modes",
     "ecomac",
     "eliminate_coordinates",

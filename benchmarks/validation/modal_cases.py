@@ -11,7 +11,7 @@ from benchmarks.validation.frames import Draft, Generator, build_model, n_elemen
 from benchmarks.validation.judging import Record, are_hidden, evidence_of, heading
 from benchmarks.validation.true_modes import ModesError, seen_modes
 from benchmarks.validation.truth import TrueFrame
-from updating import EFFECT, NOTHING, ModeTargets, diagnose_change, diagnose_modes
+from updating import EFFECT, NOTHING, ModeTargets, diagnose_modes
 
 FREQUENCY_NOISE, SHAPE_NOISE = (0.001, 0.005), (0.02, 0.05)
 """Least and largest relative noise of a frequency, and of a shape's component over its root mean square."""
@@ -69,11 +69,9 @@ def _judged(
     else:
         after = _measured(changed, draft, noise, with_shapes, rng)
     start = time.process_time()
-    if set_name.startswith("states"):
-        before = _measured(truth, draft, noise, with_shapes, rng)
-        found = diagnose_change(model, before, after, nuisances, model_error=0.0)
-    else:
-        found = diagnose_modes(model, after, nuisances, model_error=0.0)
+    two = set_name.startswith("states")
+    before = _measured(truth, draft, noise, with_shapes, rng) if two else None
+    found = diagnose_modes(model, after, nuisances, baseline=before, model_error=0.0)
     cpu = time.process_time() - start
     right = found.verdict == EFFECT and are_hidden(model, implants, found.found)
     if not implants:

@@ -7,7 +7,7 @@ import pytest
 
 from fem import AddedMass, Damping, assemble, first_modes
 from tests.frames import beam, fix
-from updating import ModeTargets, Nuisance, Sensor, diagnose_change
+from updating import ModeTargets, Nuisance, Sensor, diagnose_modes
 from updating.diagnosis import calibrate, changed_problem, judged
 from updating.diagnosis.states import carried_modes, second_state
 from updating.inference import CommonErrors
@@ -188,9 +188,8 @@ def test_a_change_is_looked_for_beside_what_both_states_lack(poor, more):
     if more:
         after = after.with_effect(AddedMass(name="later", point=5, mass=more))
     after = frequencies(after, np.random.default_rng(7))
-    d = diagnose_change(
-        cantilever(), poor, after, UNCERTAIN, kinds=["point_mass", "stiffness_loss"], model_error=0.0
-    )
+    kinds = ["point_mass", "stiffness_loss"]
+    d = diagnose_modes(cantilever(), after, UNCERTAIN, baseline=poor, kinds=kinds, model_error=0.0)
     assert d.judged is poor
     assert d.baseline in poor.bases
     assert sum(e.probability for e in d.explanations) == pytest.approx(1)
@@ -205,9 +204,8 @@ def test_beside_a_second_cause_the_search_begins_with_what_was_found_beside_the_
     after = cantilever(mass=0.3).with_effect(AddedMass(name="later", point=5, mass=0.05))
     after = frequencies(after, np.random.default_rng(7))
     twice = replace(poor, bases=(poor.bases[0],) * 2, log_weights=np.zeros(2))
-    d = diagnose_change(
-        cantilever(), twice, after, UNCERTAIN, kinds=["point_mass", "stiffness_loss"], model_error=0.0
-    )
+    kinds = ["point_mass", "stiffness_loss"]
+    d = diagnose_modes(cantilever(), after, UNCERTAIN, baseline=twice, kinds=kinds, model_error=0.0)
     (again,) = d.searched.otherwise
     assert {h.key for h in again.search.known.values()} <= {h.key for h in d.searched.search.known.values()}
     assert again.best.key == d.searched.best.key

@@ -112,7 +112,7 @@ def judged(
     if stands(search_at(doubting)):
         return Baseline(doubting, (doubting,), np.zeros(1))
     # With a cause that is not there yet many readings seem bad, and with some of these many causes fit.
-    return _with_causes(first, concluded(searched_modes(search, made.formed, say), start_time))
+    return _with_causes(first, concluded(searched_modes(search, made.formed, say)))
 
 
 def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,11 +11,10 @@ from numpy.typing import NDArray
 from fem.declarations import Role
 from fem.model import Effect, Model
 from fem.summary import percent, summary
-from updating.diagnosis.candidates import propose, situated
+from updating.diagnosis.candidates import propose
 from updating.diagnosis.elsewhere import weigh_elsewhere
-from updating.diagnosis.evidence.diagnosis import Searched, search_progress, searched
+from updating.diagnosis.evidence.diagnosis import Searched, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis
-from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import Finding, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
@@ -37,12 +35,10 @@ from updating.diagnosis.verdict import (
     reason_of,
     verdict_of,
 )
-from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
-from updating.inference.formed import Formed, formed_mode_problem
+from updating.inference.formed import Formed
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import (
-    BAD_PRIOR,
     FREQUENCY,
     LARGEST_DISCREPANCY,
     LEAST_DISCREPANCY,
@@ -51,7 +47,6 @@ from updating.inference.mode_fit import (
     n_below,
 )
 from updating.inference.mode_targets import ModeTargets
-from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
 from updating.least_squares.mode_levels import MEAN_SQUARE, ModeLevels
 
@@ -261,51 +256,8 @@ def candidates_for(
     return tuple(every)
 
 
-def diagnose_modes(
-    model: Model,
-    targets: ModeTargets,
-    nuisances: Sequence[Nuisance] = (),
-    *,
-    damping_std: float = 0.5,
-    kinds: Sequence[str] | None = None,
-    exclude: Sequence[str] = (),
-    model_error: float = EXPLAINED_LEVEL,
-    progress: Progress | None = None,
-) -> ModeDiagnosis:
-    """Find what a model lacks by measured natural frequencies, damping and shapes.
-
-    The search, the priors and the posterior are those of
-    :func:`updating.diagnosis.diagnose.diagnose`.
-
-    Parameters
-    ----------
-    model : Model
-        With a point of the mesh at every sensor.
-    targets : ModeTargets
-    nuisances : sequence of Nuisance
-    damping_std : float
-        Standard deviation of the logarithm of damping ratios [-].
-    kinds, exclude : sequence of str, optional
-        Kinds of candidates.
-    model_error : float
-        Level up to which a model of beams counts as right, as for FRFs [nepers]; 0 for a right form.
-    progress : callable, optional
-        Called with a text and the fraction done.
-    """
-    start_time, say = time.perf_counter(), progress or (lambda text, done: None)
-    say("reducing the model", 0.0)
-    problem, made = formed_mode_problem(
-        situated(model, kinds), targets, nuisances, damping_std=damping_std, model_error=model_error
-    )
-    problem = replace(problem, bad_prior=BAD_PRIOR)
-    say("fitting the uncertain parameters", 0.05)
-    candidates = candidates_for(made.model, targets, kinds, exclude)
-    search = Search(problem, made.form, candidates, search_progress(say, start_time), ranking=ModeRanking())
-    return concluded(searched_modes(search, made.formed, say), start_time)
-
-
-def concluded(done: Searched[ModeProblem], start_time: float) -> ModeDiagnosis:
-    """Return what a search by modes has to tell; it began at a ``time.perf_counter()`` [s]."""
+def concluded(done: Searched[ModeProblem]) -> ModeDiagnosis:
+    """Return what a search by modes has to tell."""
     search, best, problem = done.search, done.best, done.search.fits.problem
     verdict = verdict_of(done)
     nothing, final = search.known[frozenset()], _reported(done)
@@ -328,8 +280,7 @@ def concluded(done: Searched[ModeProblem], start_time: float) -> ModeDiagnosis:
         bad_readings=tuple(b for b in bad if b.probability >= HALF),
     )
     reason = "; ".join([_reason(out), *_unexplained(out)])
-    out = replace(out, reason=reason, next_measurements=_next(out))
-    return replace(out, seconds=time.perf_counter() - start_time)
+    return replace(out, reason=reason, next_measurements=_next(out))
 
 
 def _reported(done: Searched[ModeProblem]) -> Hypothesis:

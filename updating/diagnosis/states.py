@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, Model
 from fem.summary import percent
 from fem.system import assemble, mass_forces
-from updating.diagnosis.baseline import calibrate, judged
-from updating.diagnosis.candidates import situated
+from updating.diagnosis.baseline import calibrate
 from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import Searched, search_progress
 from updating.diagnosis.evidence.hypothesis import Hypothesis
@@ -154,7 +153,7 @@ def changed_problem(
 ) -> tuple[Calibrated, Model, ModeProblem]:
     """Return the calibration on the first state, and model and problem of the second one.
 
-    Parameters as of :func:`diagnose_change`.
+    Parameters as of :func:`updating.diagnosis.diagnose_modes.diagnose_modes`.
     """
     first = calibrate(model, before, nuisances, damping_std=damping_std, model_error=model_error)
     more: dict[str, Any] = {"damping_std": damping_std, "model_error": model_error}
@@ -171,7 +170,7 @@ def second_state(
 ) -> tuple[Model, ModeProblem]:
     """Return model and problem of the second state, given a calibration on the first.
 
-    Parameters as of :func:`diagnose_change`.
+    Parameters as of :func:`updating.diagnosis.diagnose_modes.diagnose_modes`.
     """
     changed = first.model.with_effect(*changes)
     problem = build_mode_problem(
@@ -217,47 +216,27 @@ def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors |
     return CommonErrors.of(function.least_deviations, errors * (1 - share))
 
 
-def diagnose_change(
-    model: Model,
-    before: ModeTargets | Baseline,
+def change_since(
+    baseline: Baseline,
     after: ModeTargets,
-    nuisances: Sequence[Nuisance] = (),
-    *,
     changes: Sequence[Effect] = (),
+    *,
     damping_std: float = 0.5,
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
     model_error: float = EXPLAINED_LEVEL,
-    progress: Progress | None = None,
+    say: Progress,
 ) -> ModeDiagnosis:
-    """Find what has changed from one state to another.
+    """Find what has changed since a state that is known.
 
-    Uncertain parameters have one value in both states. It stays where the first state has put it; how
-    uncertain it is there counts as an error that all modes of the second state have in common.
-
-    Parameters
-    ----------
-    model : Model
-        In the first state.
-    before : ModeTargets or Baseline
-        Of the first state, or what it says of the model.
-    after : ModeTargets
-    changes : sequence of Effect
-        Effects that are known to have come since the first state.
-    nuisances, damping_std, kinds, exclude, model_error, progress
-        As of :func:`updating.diagnosis.mode_diagnosis.diagnose_modes`.
+    Parameters as of :func:`updating.diagnosis.diagnose_modes.diagnose_modes`.
     """
-    start_time, say = time.perf_counter(), progress or (lambda text, done: None)
-    model = situated(model, kinds)
-    more: dict[str, Any] = {"damping_std": damping_std, "model_error": model_error}
-    if isinstance(before, Baseline):
-        baseline = before
-    else:
-        say("calibrating on the first state", 0.0)
-        baseline = judged(calibrate(model, before, nuisances, **more), kinds, exclude, say=say)
+    start_time = time.perf_counter()
     ways: list[tuple[Searched[ModeProblem], Calibrated]] = []
     for base, weight in zip(baseline.bases, baseline.log_weights - baseline.log_weights[0], strict=True):
-        changed, problem = second_state(base, after, changes, **more)
+        changed, problem = second_state(
+            base, after, changes, damping_std=damping_std, model_error=model_error
+        )
         # What gives way in both states already is no candidate: it would not be absent where it is rigid.
         given = {key for e in base.fitted.effects for key in e.released()}
         candidates = candidates_for(changed, problem.targets, kinds, exclude)
@@ -274,7 +253,7 @@ def diagnose_change(
         ways.append((searched_modes(search, changed, say), base))
     ways.sort(key=lambda way: -way[0].best.score)
     (done, base), *others = ways
-    out = concluded(replace(done, otherwise=tuple(other for other, _ in others)), start_time)
+    out = concluded(replace(done, otherwise=tuple(other for other, _ in others)))
     return replace(out, notes=(*_notes_on(baseline, base), *out.notes), baseline=base, judged=baseline)
 
 

@@ -20,10 +20,10 @@ class Drawn(Exception):  # noqa: N818 - it carries a case, and is no error
 def test_neighbouring_modes_that_change_places_do_not_stop_a_calibration(monkeypatch):
     """Two modes 2 % apart are mixtures of each other in the model, and known to 0.01 %."""
 
-    def drawn(model, before, after, nuisances, **more):
-        raise Drawn(model, before, nuisances)
+    def drawn(model, after, nuisances, *, baseline, **more):
+        raise Drawn(model, baseline, nuisances)
 
-    monkeypatch.setattr(modal_cases, "diagnose_change", drawn)
+    monkeypatch.setattr(modal_cases, "diagnose_modes", drawn)
     with pytest.raises(Drawn) as caught:
         modal_cases.run_modal_case(CaseSettings(seed=5301, small=True), "states", 0)
     model, before, nuisances = caught.value.args
