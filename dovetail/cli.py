@@ -72,7 +72,8 @@ begin with:
   dovetail new my-frame
   dovetail modes my-frame/study.toml
 
-docs/study-file.md describes the study file. Exit code: 0, 2 for bad input, 1 for anything else.
+docs/study-file.md describes the study file. Exit code: 0, 2 for bad input, 1 for anything else
+and for a search that was ended early.
 """
 
 
@@ -142,7 +143,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(stop.code or 0)
     from dovetail.disk.output import Progress  # --help and --version need no more than the parser
 
-    progress = Progress(getattr(options, "quiet", False))
+    progress, code = Progress(getattr(options, "quiet", False)), 0
     try:
         with warnings.catch_warnings(), _ending(options):
             warnings.showwarning = _warn if not options.debug else warnings.showwarning
@@ -152,6 +153,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             progress.close()
             if answer is not None:
                 answer.give(options)
+                code = int(not answer.finished)
         sys.stdout.flush()  # while an error of it can still be reported
     except _EndedError as reason:
         progress.close()
@@ -182,7 +184,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     finally:
         progress.close()
-    return 0
+    return code
 
 
 def _is_of_stdout(reason: BaseException) -> bool:

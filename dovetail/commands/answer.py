@@ -33,6 +33,8 @@ class Answer:
         Others for Excel.
     refusal : Exception, optional
         Raised when all is printed and written.
+    finished : bool
+        False if the work was ended early: the exit code is then 1.
     """
 
     study: StudyContents | None
@@ -42,6 +44,7 @@ class Answer:
     full: Table | None = None
     sheets: Sequence[Table] = ()
     refusal: Exception | None = None
+    finished: bool = True
 
     def give(self, options: Options) -> None:
         """Write the files that the options ask for, and print, unless that is not wanted."""

@@ -29,11 +29,13 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail.modes_pipeline import by_modes
     from dovetail.report import planning
     from dovetail.report.sections import rounds
+    from updating.diagnosis.verdict import UNFINISHED
     from updating.inference.workers import cores
 
     check_places(options)
     study = by_modes(loaded(options))
-    found = pipeline.diagnose_any(study, progress, options.processes or cores(), options.budget)
+    with progress.ending_early():
+        found = pipeline.diagnose_any(study, progress, options.processes or cores(), options.budget)
     modes, beyond, candidates = found.modes, None, []
     fields = result.diagnosis_dict(found)
     if result.by_frfs(found):
@@ -47,4 +49,5 @@ def run(options: Options, progress: Progress) -> Answer:
         [*lines, *candidates, *noted(found.notes, study.measured_notes)],
         {**fields, "notes": list(found.notes), "seconds": found.seconds},
         sheets=[rounds.table(ranked, k) for k, ranked in enumerate(found.rounds) if ranked],
+        finished=found.verdict != UNFINISHED,
     )

@@ -30,14 +30,16 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail import pipeline
     from dovetail.report import words
     from dovetail.result import NAMES, result_dict
+    from updating.diagnosis.verdict import UNFINISHED
     from updating.inference.workers import cores
 
     out = Output("--out", options.out, NAMES)
     check_places(options, out)
     study = loaded(options)
-    done = pipeline.run(
-        study, options.out, progress, force=options.force, processes=options.processes or cores()
-    )
+    with progress.ending_early():
+        done = pipeline.run(
+            study, options.out, progress, force=options.force, processes=options.processes or cores()
+        )
     d = done.diagnosis
     return Answer(
         None,  # JSON is result.json
@@ -51,4 +53,5 @@ def run(options: Options, progress: Progress) -> Answer:
             str(done.report),
         ],
         result_dict(done),
+        finished=d.verdict != UNFINISHED,
     )

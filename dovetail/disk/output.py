@@ -3,9 +3,11 @@
 import json
 import os
 import shutil
+import signal
 import stat
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -19,6 +21,7 @@ from dovetail.disk.exchange import exchanged
 from dovetail.disk.locks import Lock
 from dovetail.file.paths import InputFile, refuse_device
 from fem.io.atomic import LONGEST_NAME, WriteError, flushed, is_old, is_temporary, replacing, umask
+from updating.inference.heartbeat import EndEarlyError, Lasting
 
 MARK = ".dovetail"
 """File that tells a folder of ours from others."""
@@ -383,26 +386,70 @@ def _plain(value: Any) -> Any:
     return value
 
 
-class Progress:
-    """A progress bar on a terminal; nothing where the output is piped or quiet is asked for.
+PIPED_EVERY = 10.0
+"""A piped progress prints a line so often [s]."""
 
-    Call it with the step, and with its count and total where these are known.
+
+class Progress:
+    """A progress bar on a terminal, or a line every ten seconds where the output is piped.
+
+    Call it with the step, and with its count and total where these are known. What is known so far stays.
     """
 
     def __init__(self, quiet: bool = False) -> None:
-        self._show = not quiet and sys.stderr.isatty()
-        self._start = time.monotonic()
+        self._quiet, self._bar = quiet, sys.stderr.isatty()
+        self._start = self._last = time.monotonic()
         self._line = ""
+        self._ends = False
 
     def __call__(self, text: str, done: float = 0, total: float | None = None) -> None:
-        """Show a step."""
-        if not self._show:
+        """Show a step.
+
+        Raises
+        ------
+        EndEarlyError
+            Once, after Ctrl-C where that ends the work early.
+        """
+        if self._ends:
+            self._ends = False
+            raise EndEarlyError
+        if self._quiet:
             return
-        share = min(done / (total or 1), 1.0)
-        minutes, seconds = divmod(int(time.monotonic() - self._start), 60)
+        now, share = time.monotonic(), min(done / (total or 1), 1.0)
+        minutes, seconds = divmod(int(now - self._start), 60)
+        if isinstance(text, Lasting) or not self._bar:
+            if isinstance(text, Lasting) or now - self._last > PIPED_EVERY:
+                self.close()
+                self._last = now
+                print(f"{minutes:02d}:{seconds:02d} {text}", file=sys.stderr, flush=True)
+            return
         end = f" {'#' * int(30 * share):30} {100 * share:3.0f} % {minutes:02d}:{seconds:02d}"
         width = shutil.get_terminal_size().columns - 1  # a full line would wrap
         self._draw((text[: max(0, width - len(end))] + end)[:width])
+
+    @contextmanager
+    def ending_early(self) -> Iterator[None]:
+        """Let the first Ctrl-C in the block end a search with what it has found so far.
+
+        A second one interrupts at once, as elsewhere.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = signal.getsignal(signal.SIGINT)
+
+        def end(number: int, frame: object) -> None:
+            signal.signal(signal.SIGINT, before)
+            self._ends = True
+            if not self._quiet:
+                print("\nending the search; Ctrl-C once more ends at once", file=sys.stderr, flush=True)
+
+        signal.signal(signal.SIGINT, end)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+            self._ends = False
 
     def close(self) -> None:
         """Take the bar away."""

@@ -11,7 +11,7 @@ from fem.model import DIRECTIONS, Effect, Model, Parameter
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
 from updating.diagnosis.departures import Departure
-from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
+from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, UNFINISHED, Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.diagnosis.verdict import Explanation, Verdict
@@ -363,6 +363,9 @@ def headline(result: RunResult[Verdict]) -> str:
         return "The model lacks nothing that these data can show."
     if d.verdict == FAULT:
         return f"The measurement is at fault, not the model: {faults}."
+    if d.verdict == UNFINISHED:
+        best = f" Best so far: {sentences(d.findings)}" if d.findings else " Nothing has been found so far."
+        return f"The search was ended early, and other answers may be more probable.{best}"
     if d.verdict == UNEXPLAINED:
         text = "The model does not fit the data, and no effect known to the program explains why."
         return f"{text} The measurement has been corrected: {faults}." if faults else text

@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 
 from dovetail import OutputError, main
+from dovetail.commands.answer import Answer
 from dovetail.disk.exchange import exchanged
 from dovetail.disk.output import MARK, Output, Progress, check_outputs, result_folder, write_json
 from dovetail.file import input_files
 from fem.io import WriteError
 from fem.io.atomic import replacing
 from tests.frames import STUDY
+from updating.inference.heartbeat import EndEarlyError, Lasting
 
 
 def test_a_new_folder_appears_at_the_end(tmp_path):
@@ -115,6 +117,39 @@ def test_no_progress_where_nobody_looks(capsys):
     progress("fitting", 1, 3)
     progress.close()
     assert capsys.readouterr().err == ""
+
+
+def test_a_piped_progress_prints_a_line_every_ten_seconds_and_what_is_known_so_far(capsys, monkeypatch):
+    now = iter([0.0, 4.0, 5.0, 9.0, 16.0, 17.0])
+    monkeypatch.setattr("time.monotonic", lambda: next(now))
+    progress = Progress()
+    progress("fitting")
+    progress(Lasting("so far: no effect found"))
+    for text in ("screening", "short fits", "full fits"):
+        progress(text)
+    assert capsys.readouterr().err == "00:05 so far: no effect found\n00:16 short fits\n"
+
+
+def test_the_first_ctrl_c_ends_a_search_early_and_the_second_one_interrupts(capsys):
+    progress, before = Progress(), signal.getsignal(signal.SIGINT)
+    with progress.ending_early():
+        signal.raise_signal(signal.SIGINT)
+        assert "Ctrl-C once more" in capsys.readouterr().err
+        with pytest.raises(EndEarlyError):
+            progress("fitting")
+        progress("concluding")
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_work_that_was_ended_early_has_the_exit_code_1(monkeypatch, tmp_path, capsys):
+    def ended(options, progress):
+        return Answer(None, ["so far"], finished=False)
+
+    monkeypatch.setattr("dovetail.commands.diagnose.run", ended)
+    assert main(["diagnose", str(tmp_path / "study.toml")]) == 1
+    assert capsys.readouterr().out == "so far\n"
 
 
 def test_progress_on_a_terminal_is_one_line_that_is_taken_away(capsys, monkeypatch):

@@ -34,7 +34,7 @@ from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import fit
 from updating.inference.formed import Formed, formed_mode_problem
-from updating.inference.heartbeat import Progress
+from updating.inference.heartbeat import EndEarlyError, Progress
 from updating.inference.mode_fit import BAD_PRIOR, ModeProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
@@ -112,7 +112,11 @@ def judged(
     if stands(search_at(doubting)):
         return Baseline(doubting, (doubting,), np.zeros(1))
     # With a cause that is not there yet many readings seem bad, and with some of these many causes fit.
-    return _with_causes(first, concluded(searched_modes(search, made.formed, say)))
+    done = searched_modes(search, made.formed, say)
+    if not done.finished:
+        msg = "the first state was not yet judged"
+        raise EndEarlyError(msg)
+    return _with_causes(first, concluded(done))
 
 
 def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:

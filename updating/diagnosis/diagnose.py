@@ -198,6 +198,8 @@ def _diagnosed(
     done = with_laws(initial, levels, laws) if laws else initial
     if not done.explains or not done.best.effects:
         done = searched(initial, say)
+        if not done.finished:
+            return _concluded(done, gates, model_error, stated=bool(levels))
         if levels and done.faults != initial.faults:
             levels = force_levels(done.problem, measurements, done.faults)
         done = without_effects_of_channels(done)
@@ -222,7 +224,8 @@ def _concluded(done: Searched[FitProblem], gates: Gates, model_error: float, *, 
     findings, rounds = _findings(done, problem, chain, steps)
     if rivals := _rivals(done, problem, chain[-1], steps[-1].result):
         rounds.append(rivals)
-    if not done.explains:
+    told = done.explains or not done.finished
+    if not told:
         findings, steps = [], steps[:2]
     current = steps[-1].result
     of_channels = channel_faults(problem, current) if done.explains else ()

@@ -18,6 +18,7 @@ from updating.diagnosis.verdict import (
     NOMINAL,
     NOTHING,
     UNEXPLAINED,
+    UNFINISHED,
     Stairs,
     Verdict,
 )
@@ -110,4 +111,14 @@ class Diagnosis(Verdict):
         return self.problem.measured
 
 
-__all__ = ["CALIBRATED", "EFFECT", "FAULT", "FITTED", "NOMINAL", "NOTHING", "UNEXPLAINED", "Diagnosis"]
+__all__ = [
+    "CALIBRATED",
+    "EFFECT",
+    "FAULT",
+    "FITTED",
+    "NOMINAL",
+    "NOTHING",
+    "UNEXPLAINED",
+    "UNFINISHED",
+    "Diagnosis",
+]

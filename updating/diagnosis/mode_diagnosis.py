@@ -26,6 +26,7 @@ from updating.diagnosis.verdict import (
     FITTED,
     NOMINAL,
     UNEXPLAINED,
+    UNFINISHED,
     BadReading,
     Explanation,
     Stairs,
@@ -236,6 +237,8 @@ class Baseline:
 def searched_modes(search: Search[ModeProblem], model: Model, say: Progress) -> Searched[ModeProblem]:
     """Return a search by modes of a model that has ended, with all that the data see in its posterior."""
     done = searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
+    if not done.finished:
+        return done
     search.promise_rest(search.known[frozenset()])
     search.fit_promised()
     weigh_elsewhere(search)
@@ -261,7 +264,7 @@ def concluded(done: Searched[ModeProblem]) -> ModeDiagnosis:
     search, best, problem = done.search, done.best, done.search.fits.problem
     verdict = verdict_of(done)
     nothing, final = search.known[frozenset()], _reported(done)
-    found = best.effects if verdict == EFFECT else ()
+    found = best.effects if verdict in (EFFECT, UNFINISHED) else ()
     bad = _bad_readings(done, problem)
     out = ModeDiagnosis(
         verdict=verdict,
@@ -280,11 +283,11 @@ def concluded(done: Searched[ModeProblem]) -> ModeDiagnosis:
         bad_readings=tuple(b for b in bad if b.probability >= HALF),
     )
     reason = "; ".join([_reason(out), *_unexplained(out)])
-    return replace(out, reason=reason, next_measurements=_next(out))
+    return replace(out, reason=reason, next_measurements=_next(out) if done.finished else ())
 
 
 def _reported(done: Searched[ModeProblem]) -> Hypothesis:
-    return done.best if done.explains else done.search.known[frozenset()]
+    return done.best if done.explains or not done.finished else done.search.known[frozenset()]
 
 
 def _next(d: ModeDiagnosis) -> tuple[str, ...]:
@@ -334,7 +337,7 @@ def _reason(d: ModeDiagnosis) -> str:
         none = ", none is sure" if d.explanations[0].probability < HALF else ""
         which = "first" if d.reported is d.explanations[0] else "simplest that is nearly as probable"
         text = f"{shared}{none}; the {which}, {percent(d.reported.probability)}: {text}"
-    elif n > 1 and d.verdict != UNEXPLAINED:
+    elif n > 1 and d.verdict not in (UNEXPLAINED, UNFINISHED):
         text = f"{text}; {shared}"
     return "; ".join([text, *(b.text for b in d.bad_readings)])
 

@@ -251,8 +251,11 @@ def change_since(
             seeds=_found_beside(way for way, _ in ways),
         )
         ways.append((searched_modes(search, changed, say), base))
+        if not ways[-1][0].finished:
+            break
     ways.sort(key=lambda way: -way[0].best.score)
     (done, base), *others = ways
+    done = replace(done, finished=all(way.finished for way, _ in ways))
     out = concluded(replace(done, otherwise=tuple(other for other, _ in others)))
     return replace(out, notes=(*_notes_on(baseline, base), *out.notes), baseline=base, judged=baseline)
 

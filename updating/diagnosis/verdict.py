@@ -18,6 +18,7 @@ from updating.inference.mode_fit import FREQUENCY, ModeProblem, ModeReading
 from updating.quality.faults import Fault
 
 NOTHING, EFFECT, FAULT, UNEXPLAINED = "nothing missing", "effect", "measurement fault", "unexplained"
+UNFINISHED = "not finished"
 CREDIBLE = 0.9
 """Probability that the explanations of a credible set have together [-]."""
 NOMINAL, FITTED = "nominal model", "uncertain parameters fitted"
@@ -107,7 +108,8 @@ class Verdict:
     Attributes
     ----------
     verdict : str
-        ``"nothing missing"``, ``"effect"``, ``"measurement fault"`` or ``"unexplained"``.
+        ``"nothing missing"``, ``"effect"``, ``"measurement fault"``, ``"unexplained"``, or ``"not finished"``
+        of a search that was ended early: the effects are then the best so far.
     reason : str
         Why, in a sentence.
     findings : tuple of Finding
@@ -259,6 +261,8 @@ def _weighed(done: Searched) -> list[tuple[Hypothesis, float]]:
 
 def verdict_of(done: Searched, faults: Sequence[Fault] = ()) -> str:
     """Return what is most probable after a search."""
+    if not done.finished:
+        return UNFINISHED
     if not done.explains:
         return UNEXPLAINED
     return EFFECT if done.best.effects else FAULT if faults else NOTHING
@@ -279,6 +283,11 @@ def reason_of(
     before, after, lead : str
         Its values without effects, with those of the verdict, and with the best that explain too little.
     """
+    if d.verdict == UNFINISHED:
+        first = done.search.scanned[:1] if not d.found else ()
+        text = f"the search was ended early; {done.search.so_far()}"
+        text += f" instead of {before} {unit}" if d.found else ""
+        return "; ".join([text, *(f"changes at {s.name} would explain most of it" for s in first)])
     if d.verdict == UNEXPLAINED:
         best = done.lead.effects
         so_far = f"; best so far, not explained: {labels(best)}, {lead} {unit}" if best else ""

@@ -9,6 +9,17 @@ from functools import partial
 Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction done, 0 to 1."""
 
+
+class Lasting(str):
+    """What is known so far: a text that stays to be read when the next one comes."""
+
+    __slots__ = ()
+
+
+class EndEarlyError(KeyboardInterrupt):
+    """Raised by a progress function to end a search with what it has found so far."""
+
+
 INTERVAL = 0.25
 """Reports are at least so far apart [s]."""
 
@@ -20,7 +31,9 @@ class _Pulse:
         self.report, self.last, self.at = report, ("", 0.0), time.monotonic()
 
     def __call__(self, text: str, done: float) -> None:
-        self.last, self.at = (text, done), time.monotonic()
+        if not isinstance(text, Lasting):
+            self.last = (text, done)
+        self.at = time.monotonic()
         self.report(text, done)
 
     def beat(self) -> None:

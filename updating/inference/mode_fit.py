@@ -109,6 +109,10 @@ class ModeProblem(Problem[ModeTargets]):
         """The kind of data, in the singular."""
         return "measured mode"
 
+    def error_words(self, level: float) -> str:
+        """Return a level of residuals [-] as a reader knows it."""
+        return f"error of the natural frequencies {100 * level:.2g} %"
+
     @property
     def measured_modes(self) -> ModeTargets:
         """The measured modes."""

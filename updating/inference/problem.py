@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
+from updating.correlation import DB_PER_NEPER
 from updating.inference.damped import DampedFrfs
 from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit_function import FitFunction
@@ -100,6 +101,10 @@ class Problem(FitInputs[D]):
 
         None where the error is small against the level that the data leave.
         """
+
+    def error_words(self, level: float) -> str:
+        """Return a level of residuals [-] as a reader knows it."""
+        return f"residual level {level * DB_PER_NEPER:.2g} dB"
 
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group, (n_groups,)."""

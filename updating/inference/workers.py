@@ -49,6 +49,7 @@ class Workers:
         items : sequence
         """
         if self.pool is not None and len(items) > 1:
+            results: list[Any] = []
             try:
                 with TemporaryDirectory() as folder:
                     file = Path(folder, "shared")
@@ -57,6 +58,10 @@ class Workers:
                     while wait(results, INTERVAL).not_done:
                         beat()
                     return [r.result() for r in results]
+            except KeyboardInterrupt:
+                for r in results:
+                    r.cancel()
+                raise
             except BrokenProcessPool:  # one was stopped from outside, perhaps for its memory
                 self.pool = None
         results = []

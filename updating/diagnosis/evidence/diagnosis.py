@@ -21,7 +21,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, fit
 from updating.inference.formed import Formed, formed_problem
-from updating.inference.heartbeat import Progress
+from updating.inference.heartbeat import EndEarlyError, Lasting, Progress
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import ProblemOptions
@@ -60,6 +60,8 @@ class Searched(Generic[P]):
     otherwise : tuple of Searched
         Searches on the same data that take something else for granted: other faults of the measurement, or
         another model of an earlier state.
+    finished : bool
+        False if it was ended early.
     """
 
     search: Search[P]
@@ -69,6 +71,7 @@ class Searched(Generic[P]):
     model: Model
     notes: tuple[str, ...] = ()
     otherwise: "tuple[Searched[P], ...]" = ()
+    finished: bool = True
 
     @property
     def problem(self: "Searched[FitProblem]") -> FitProblem:
@@ -94,7 +97,7 @@ class Searched(Generic[P]):
     @property
     def lead(self) -> Hypothesis:
         """The best hypothesis, or the best with effects where it has none and cannot explain the data."""
-        if self.best.effects or self.explains:
+        if self.best.effects or self.explains or not self.finished:
             return self.best
         some = [h for h in self.search.known.values() if h.effects]
         return max(some, key=lambda h: h.score, default=self.best)
@@ -246,22 +249,46 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
 
     Each of the two adds effects once; then the one that explains the data better continues. It ends where
     nothing that it may still find is as probable as what the other has.
+
+    If the progress ends it early, it has what is known so far.
     """
     ways = [initial, *initial.otherwise]
+    try:
+        _go_on(ways, progress)
+        progress("refining", 0.9)
+        best, *others = sorted(ways, key=lambda way: -way.search.best.score)
+        best = replace(best, best=best.search.polished(best.search.with_rivals_of_form(best.search.best)))
+        if best.explains:
+            best.search.promise_rest(best.best)
+    except EndEarlyError:
+        for way in ways:
+            way.search.end_early()
+        best, *others = sorted(ways, key=lambda way: -way.search.best.score)
+        best = replace(best, best=best.search.best, finished=False)
+    return replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
+
+
+def _go_on(ways: Sequence[Searched[P]], progress: Progress) -> None:
+    """Let searches add effects, one at a time, and say what is known so far."""
+
+    def tell() -> str:
+        text = max((way.search for way in ways), key=lambda search: search.best.score).so_far()
+        if text != said:
+            progress(Lasting(text), 0.1)
+        return text
+
+    said = ""
+    said = tell()
     going = [(way.search, way.search.rounds()) for way in ways]
     for _, rounds in going:
         next(rounds, None)
+        said = tell()
     while going:
         search, rounds = max(going, key=lambda each: each[0].best.score)
         elsewhere = [way.search.best.score for way in ways if way.search is not search]
         if any(s > search.unknown(search.best) for s in elsewhere) or next(rounds, None) is None:
             going = [each for each in going if each[0] is not search]
-    progress("refining", 0.9)
-    best, *others = sorted(ways, key=lambda way: -way.search.best.score)
-    best = replace(best, best=best.search.polished(best.search.with_rivals_of_form(best.search.best)))
-    if best.explains:
-        best.search.promise_rest(best.best)
-    return replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
+        said = tell()
 
 
 def candidates_for_test(

@@ -48,6 +48,7 @@ from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
 from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+from updating.inference.heartbeat import Lasting
 from updating.inference.parameters import Nuisance
 from updating.inference.workers import ALONE, Workers
 
@@ -57,6 +58,8 @@ LEAST_SHORT = 3
 """Number of short fits beside a hypothesis that explains the data, where the looks promise nothing."""
 MOST_PROMISED = 24
 """Most candidates that are fitted because they promise to be twins of the best hypothesis."""
+N_TOLD = 2
+"""Number of places that are named while the search goes on."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
 CONNECTIONS = ("joint", "support", "end")
@@ -293,6 +296,16 @@ class Search(Generic[P]):
                 self.say(f"=> {h.score:.1f}, level {h.fitted.level:.4f}: {h.name}")
             yield best
 
+    def so_far(self) -> str:
+        """Return the best hypothesis and the error that it leaves, in words."""
+        best = self.best
+        what = labels(best.effects) if best.effects else "no effect found"
+        return f"so far: {what}, {self.fits.problem.error_words(best.fitted.level)}"
+
+    def end_early(self) -> None:
+        """Let what follows take no longer than it must."""
+        self.workers, self.budget = ALONE, replace(self.budget, checked=False)
+
     def _from_seeds(self, nothing: Hypothesis) -> Hypothesis:
         """Return the best seed if it explains the data here, or a hypothesis without effects."""
         if not self.seeds:
@@ -386,7 +399,7 @@ class Search(Generic[P]):
         """Return candidates that damped FRFs ask for, the best of each sort."""
         kept, now = values_of(base.effects), base.fitted
         if not base.effects:
-            self.scanned = self.fits.ranking.scan(self.fits.problem, now, self.places)
+            self._keep_scan(self.fits.ranking.scan(self.fits.problem, now, self.places))
             now = damped.problem.far_start(now)
         compatible = self.compatible_with(base.effects)
         springs = self.springs(key_of(compatible))
@@ -571,7 +584,7 @@ class Search(Generic[P]):
             ranked = self.fits.ranking.scan(self.fits.problem, current, self.places)
             self.say("scan: " + "; ".join(f"{s.name} {s.residual_ratio:.3f}" for s in ranked[:6]))
         if not base.effects:
-            self.scanned = ranked
+            self._keep_scan(ranked)
         compatible, settled = self.compatible_with(base.effects), self.settled(base)
         singles = [s for s in ranked if len(s.places) == 1]
         now = self.fits.without_fixed(base)
@@ -605,6 +618,13 @@ class Search(Generic[P]):
             for s in chosen
         ]
         return out + self.blocks(base, quick, now, ranked, key_of(compatible))
+
+    def _keep_scan(self, scanned: tuple[Scanned, ...]) -> None:
+        """Keep the places that explain the misfit without effects, and say the first of them."""
+        is_first, self.scanned = not self.scanned, scanned
+        if scanned and is_first:
+            best = " or ".join(s.name for s in scanned[:N_TOLD])
+            self.tell(Lasting(f"so far: the error is explained best by changes at {best}"))
 
     def compatible_with(self, effects: Sequence[Effect]) -> list[Effect]:
         """Return the candidates that may be added to some effects.
