@@ -140,9 +140,10 @@ def analysed(
     """
     more: dict[str, Any] = {}
     if by_frfs(diagnosis):
-        more = _compared_frfs(study, diagnosis, progress)
+        more = _compared_frfs(study, diagnosis)
     if by_modes_alone(diagnosis):
         more = {"measured_modes": diagnosis.modes, "reported": reported_modes(diagnosis)}
+    more["excluded"] = excluded(study, diagnosis, progress)
     return RunResult(
         study=study,
         diagnosis=diagnosis,
@@ -154,7 +155,7 @@ def analysed(
     )
 
 
-def _compared_frfs(study: StudyContents, d: Diagnosis, progress: Progress | None) -> dict[str, Any]:
+def _compared_frfs(study: StudyContents, d: Diagnosis) -> dict[str, Any]:
     """Return what measured FRFs tell beside the diagnosis."""
     problem, steps = d.problem, d.steps
     nominal, _, fitted = modes_of(d)
@@ -165,7 +166,6 @@ def _compared_frfs(study: StudyContents, d: Diagnosis, progress: Progress | None
         "localisation": locate(problem, steps[min(1, len(steps) - 1)].result, N_BANDS),
         "modes": pair_modes(nominal, fitted, d.model.mesh.n_points),
         "measured_modes": measured_modes(d),
-        "excluded": excluded(study, d, progress),
     }
 
 
@@ -257,23 +257,26 @@ def formed_problem_and_model(study: StudyContents) -> tuple[FitProblem, Model]:
     return problem, changed
 
 
-def excluded(study: StudyContents, d: Diagnosis, progress: Progress | None = None) -> Plan | None:
-    """Return what a diagnosis with nothing missing would have seen; None for others, and of two states.
+def excluded(study: StudyContents, d: Verdict, progress: Progress | None = None) -> Plan | None:
+    """Return what data in which nothing is missing would have shown; None for others, and of two states.
 
     Nothing is missing either where only errors of channels were found, which the fitted model has.
 
     Parameters
     ----------
     study : Study
-    d : Diagnosis
+    d : Verdict
     progress : callable, optional
         Called with a text and the fraction done.
     """
     nothing = d.verdict == NOTHING or (d.verdict == FAULT and not d.faults)
-    if not nothing or d.searched is None or d.baseline is not None or d.searched.n_levels > 1:
+    frfs = by_frfs(d)
+    several = frfs and d.searched is not None and d.searched.n_levels > 1
+    if not nothing or d.searched is None or d.baseline is not None or several:
         return None
+    measurement = d.problem.data.measurement if frfs else None
     with beating(progress or (lambda text, done: None)) as say:
-        return plan_from_search(d.searched, study.relevant, say)
+        return plan_from_search(d.searched, study.relevant, say, measurement)
 
 
 def fit_settings(study: StudyContents) -> dict[str, Any]:

@@ -67,7 +67,7 @@ def _plan(study: StudyContents, noise: float | None, left_db: float | None, say:
         prepared = prepare_search(study.model, data, study.nuisances, **how)
         say("fitting the uncertain parameters", 0.3 * 0.05)
         found = search_of_problem(*prepared, progress=lambda text, done: say(text, 0.3 * done))
-        return plan_from_search(found, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done))
+        return plan_from_search(found, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done), data)
     study.require_ends()
     frequency = _lines(study)
     test = planned_measurement(

@@ -108,14 +108,19 @@ class UncertainValue:
     @property
     def words(self) -> str:
         """Its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
-        effect, _, parameter = self.name.partition(".")
-        if self.form_of:
-            names = _FORM if self.unit == "-" else ADDED
-            return f"{self.form_of}: {names.get(parameter, parameter)}"
-        if not parameter or " " in effect:
-            return self.name
-        key, _, of = parameter.partition(":")
-        return f"{_QUANTITIES.get(key, key) if of else key} of {of or effect}"
+        return uncertain_words(self.name, self.unit, self.form_of)
+
+
+def uncertain_words(name: str, unit: str, form_of: str) -> str:
+    """Return the name of an uncertain parameter in words; arguments as of :class:`UncertainValue`."""
+    effect, _, parameter = name.partition(".")
+    if form_of:
+        names = _FORM if unit == "-" else ADDED
+        return f"{form_of}: {names.get(parameter, parameter)}"
+    if not parameter or " " in effect:
+        return name
+    key, _, of = parameter.partition(":")
+    return f"{_QUANTITIES.get(key, key) if of else key} of {of or effect}"
 
 
 V = TypeVar("V", bound=Verdict, covariant=True)
@@ -448,10 +453,16 @@ def excluded_dict(plan: Plan | None) -> dict[str, Any]:
     """Return at which sizes data in which nothing is missing would have shown effects, by kind."""
     if plan is None:
         return {}
+
+    def value(e: Effect | None) -> float | None:
+        return None if e is None else e.parameters()[0].value
+
+    hidden = (plan.hidden(some) for some in plan.kinds.values())
     rows = [
         {key: r[key] for key in ("kind", "unit", "n", "blind")}
-        | {key: None if r[key] is None else r[key].parameters()[0].value for key in ("least", "most")}
-        for r in plan.sizes_of("seen")
+        | {key: value(r[key]) for key in ("least", "most")}
+        | {"hidden_by": [{"parameter": ".".join(ref), "least_if_known": value(e)} for ref, e in by]}
+        for r, by in zip(plan.sizes_of("seen"), hidden, strict=True)
     ]
     return {"excluded": rows}
 
@@ -485,6 +496,7 @@ def result_dict(result: RunResult[Verdict]) -> dict[str, Any]:
         "notes": list(result.notes),
         "warnings": list(study.warnings),
         **diagnosis_dict(d),
+        **excluded_dict(result.excluded),
         **(_compared_frfs(result, d) if by_frfs(d) else {}),
     }
 
@@ -492,7 +504,6 @@ def result_dict(result: RunResult[Verdict]) -> dict[str, Any]:
 def _compared_frfs(result: RunResult[Verdict], d: Diagnosis) -> dict[str, Any]:
     damping = _damping(d.problem.damping, d.steps[-1].result.zeta)
     return {
-        **excluded_dict(result.excluded),
         "held_out_channels": [
             {"channel": name, "error_db": db} for name, db in result.held_out_channels.items()
         ],

@@ -36,12 +36,13 @@ def run(options: Options, progress: Progress) -> Answer:
     study = by_modes(loaded(options))
     with progress.ending_early():
         found = pipeline.diagnose_any(study, progress, options.processes or cores(), options.budget)
-    modes, beyond, candidates = found.modes, None, []
-    fields = result.diagnosis_dict(found)
+    modes, candidates = found.modes, []
+    beyond = pipeline.excluded(study, found, progress)
+    fields = result.diagnosis_dict(found) | result.excluded_dict(beyond)
     if result.by_frfs(found):
-        modes, beyond = pipeline.measured_modes(found), pipeline.excluded(study, found, progress)
+        modes = pipeline.measured_modes(found)
         candidates = rounds.lines(found, options.number)
-        fields |= result.modes_dict(modes) | result.excluded_dict(beyond)
+        fields |= result.modes_dict(modes)
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *diagnosis_lines(found, modes)]
     lines += ["", planning.EXCLUDED, planning.table_of_excluded(beyond)] if beyond else []
     return Answer(

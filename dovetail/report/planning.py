@@ -8,8 +8,9 @@ import numpy as np
 
 from dovetail.report import words
 from dovetail.report.table import Column, Table, columns_of
+from dovetail.result import uncertain_words
 from dovetail.units.outcome import failed
-from fem.model import Effect
+from fem.model import Effect, ParameterRef
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import EffectParameter
 from updating.measurement.measurement import Sensor
@@ -80,15 +81,34 @@ def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
 
 
 def table_of_excluded(plan: Plan) -> Table:
-    """Return for each kind from what size an effect would have been seen, and where it would not."""
+    """Return for each kind from what size an effect would have been seen, and where it would not.
+
+    And which uncertain parameters hide it most where it is seen best.
+    """
     rows = kind_rows(plan, "seen")
+    hidden = [plan.hidden(some) for some in plan.kinds.values()]
+    known = [[size_text(e) for _, e in by[-1:] if e is not None] for by in hidden]
     return Table.of(
         "excluded",
         Column("effect", [r.kind for r in rows]),
         Column("seen from, at the best place", [r.smallest or "–" for r in rows]),
         Column("at the worst", [r.largest or "–" for r in rows]),
         Column("blind places", [f"{r.blind} of {r.n}" if r.blind else "none" for r in rows]),
+        Column("hidden there by", [_uncertain(plan, [ref for ref, _ in by]) for by in hidden]),
+        Column("seen from, if these were known", [size or "–" for size in map("".join, known)]),
     )
+
+
+def _uncertain(plan: Plan, refs: Sequence[ParameterRef]) -> str:
+    """Return uncertain parameters in words, those of one part of the form together."""
+    out: dict[str, list[str]] = {}
+    for name, parameter in refs:
+        effect = plan.visibility.problem.reduced.model.effect(name)
+        unit = next(p.unit for p in effect.parameters() if p.name == parameter)
+        form = words.place(effect.where) if effect.is_form else ""
+        text = uncertain_words(f"{name}.{parameter}", unit, form).removeprefix(f"{form}: ")
+        out.setdefault(form, []).append(text.removesuffix(" (relative)"))
+    return "; ".join(f"{form}: {', '.join(some)}" if form else ", ".join(some) for form, some in out.items())
 
 
 PERCENT = "{:.0f} %".format

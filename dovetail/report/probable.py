@@ -7,7 +7,7 @@ from dovetail.report.words import FAULT_NAMES, as_stiffness, effect_label
 from fem.model import Effect, covers
 from fem.summary import percent
 from updating.diagnosis.evidence.diagnosis import AS_READ, UNKNOWN
-from updating.diagnosis.verdict import UNEXPLAINED, Posterior, Verdict
+from updating.diagnosis.verdict import UNEXPLAINED, UNFINISHED, Posterior, Verdict
 from updating.inference.belief import RARE, TWIN_NATS
 
 
@@ -33,9 +33,11 @@ def without(posterior: Posterior, names: Collection[str]) -> tuple[Collection[st
 def probability_text(d: Verdict) -> str:
     """Return how probable it is that the effects found are missing, and that no other is besides.
 
-    Empty where the search gives no probabilities.
+    Empty where the search gives no probabilities, or was ended before it could.
     """
     posterior, found = d.posterior, d.found
+    if d.verdict == UNFINISHED:
+        return ""
     exact = exactly(posterior, [e.name for e in found])
     if exact is None:
         return ""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.least_squares.levels import Levels
+from updating.least_squares.costs import Costs
 
 N_DOUBLED, N_HALVED = 8, 20
 """Steps that enclose a multiple, and halves of the range in which it then is."""
@@ -159,29 +159,21 @@ class ExpectedGains:
 
     Attributes
     ----------
-    levels : Levels
+    levels : Costs
     level : ndarray (n_groups,)
         Mean squares of the residuals that a right model leaves.
     learned, by_group : ndarray (u,), (u, n_groups)
         As of :meth:`Information.learned`; without them unknowns cost both models the same.
     """
 
-    levels: Levels
+    levels: Costs
     level: Floats
     learned: Floats = field(default_factory=lambda: np.zeros(0))
     by_group: Floats | None = None
 
-    @property
-    def _beyond(self) -> Floats:
-        return self.level - self.levels.noise
-
-    @property
-    def _least(self) -> Floats:
-        return self.levels.least + np.maximum(self._beyond, 0.0)
-
     def slope(self, squares: Floats, known: Floats) -> Floats:
         """Return gains of very small changes over the squares of their multiples, (n,)."""
-        out: Floats = 0.5 * squares @ (self.levels.n / self._least) + known
+        out: Floats = 0.5 * squares @ self.levels.weight(self.level) + known
         return out
 
     def gains(self, a: Floats, squares: Floats, known: Floats) -> Floats:
@@ -195,12 +187,10 @@ class ExpectedGains:
         known : ndarray (n,)
             As of :class:`Beyond`.
         """
-        levels, square = self.levels, a[:, None] ** 2 * squares
-        v, below = np.maximum(self._beyond + square, 0.0), np.minimum(self._beyond + square, 0.0)
-        cost = 0.5 * (np.log(levels.least + v) + below / levels.least) @ levels.n
-        out: Floats = cost - levels.cost(self.level) + a**2 * known
+        levels, v = self.levels, self.level + a[:, None] ** 2 * squares
+        out: Floats = levels.costs(v) - levels.cost(self.level) + a**2 * known
         if self.by_group is not None:
-            weaker = self._least / (levels.least + v)
+            weaker = levels.weight(v) / levels.weight(self.level)
             out += 0.5 * np.log(1 - self.learned + weaker @ self.by_group.T + 1e-12).sum(axis=1)
         return out
 

@@ -417,6 +417,41 @@ class Look(Generic[P, C]):
         rest, m = flat - (flat @ back.T) @ self.slopes, r.shape[1]
         return np.hstack([rest[:, :m] + 1j * rest[:, m : 2 * m], rest[:, 2 * m :]]).astype(complex)
 
+    def hidden_by(
+        self, change: Complexes, replaced: Sequence[ParameterRef] = (), most: int = 2
+    ) -> list[tuple[ParameterRef, float]]:
+        """Return the nuisance parameters that take most of a change (m,), that which takes most first.
+
+        With each comes by what factor less of the change would be seen if it and those before it were known
+        exactly.
+        """
+        fixed, out = list(replaced), list[tuple[ParameterRef, float]]()
+        first = self._left(change, fixed)
+        for _ in range(min(most, len(self.refs)) if first > 0 else 0):
+            fixed.append(self._takes_most(change, fixed))
+            out.append((fixed[-1], self._left(change, fixed) / first))
+        return out
+
+    def _left(self, change: Complexes, fixed: Sequence[ParameterRef]) -> float:
+        """Return the length of a whitened change beyond what may vary while some parameters stay."""
+        return float(np.linalg.norm(self.whitened(self.adapted(change[None], fixed))))
+
+    def _takes_most(self, change: Complexes, fixed: Sequence[ParameterRef]) -> ParameterRef:
+        """Return the parameter without which most of a change would be left, beside some that stay.
+
+        If an unknown j that would move by x_j stays, too, the square of what is left rises by x_j² / C_jj,
+        with the covariance C of all that moves.
+        """
+        C, _ = self._nuisances
+        variance, n = C.diagonal().copy(), len(self.refs)
+        if rows := [k for k, ref in enumerate(self.refs) if ref in fixed]:
+            variance -= (C[:, rows] * np.linalg.solve(C[np.ix_(rows, rows)], C[rows]).T).sum(axis=1)
+        back = self._back(tuple(ref for ref in fixed if ref in self.prior_of))
+        x = back[:n] @ np.concatenate([change.real, change.imag, np.zeros(len(self.off))])
+        gain = x**2 / np.maximum(variance[:n], SMALL * C.diagonal()[:n])
+        gain[rows] = -np.inf
+        return self.refs[int(np.argmax(gain))]
+
     @cached_property
     def _nuisances(self) -> tuple[Floats, Floats]:
         """Return the covariance of nuisance parameters, and what takes a residual to their change."""

@@ -8,12 +8,11 @@ import numpy as np
 
 from fem.declarations import Relevant
 from fem.effects.places import members_mass
-from fem.model import Effect, Model
+from fem.model import Effect, Model, ParameterRef
 from updating.diagnosis.evidence.diagnosis import Searched, prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.forecast.grid import distance
 from updating.inference.defaults import EXPLAINED_LEVEL
-from updating.inference.fit import FitProblem
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
@@ -59,8 +58,8 @@ class Plan:
     ----------
     visibility : Visibility
     model : Model
-    measurement : Measurement
-        The test: measured, or as its model would give it.
+    measurement : Measurement or None
+        The test: measured, or as its model would give it; None of measured modes.
     sizes : Relevant
     relevant : tuple of Outlook
         Effects at one place, of kinds for which a relevant size is stated.
@@ -68,7 +67,7 @@ class Plan:
 
     visibility: Visibility
     model: Model
-    measurement: Measurement
+    measurement: Measurement | None
     sizes: Relevant
     relevant: tuple[Outlook, ...]
 
@@ -102,6 +101,18 @@ class Plan:
             blind = len(some) - len(shown)
             ends = {"least": shown[0] if shown else None, "most": shown[-1] if shown and not blind else None}
             out.append({"kind": kind, "unit": unit, "n": len(some), "blind": blind, **ends})
+        return out
+
+    def hidden(self, some: Sequence[Outlook]) -> list[tuple[ParameterRef, Effect | None]]:
+        """Return the uncertain parameters that hide most of effects of one kind, where they are seen best.
+
+        With each comes the least size that would be seen if it and those before it were known exactly.
+        """
+        best = min(some, key=lambda o: o.visible.enough[0] * size_of(o.visible.slight))
+        x, out = best.visible, list[tuple[ParameterRef, Effect | None]]()
+        for ref, more in self.visibility.hidden_by(x):
+            effect = x.at(x.enough[0] / more)
+            out.append((ref, None if effect is None else _towards(effect, best.relevant)))
         return out
 
     @property
@@ -174,7 +185,10 @@ def plan_test(
 
 
 def plan_from_search(
-    searched: Searched[FitProblem], sizes: Relevant = USUAL, progress: Progress | None = None
+    searched: Searched[Any],
+    sizes: Relevant = USUAL,
+    progress: Progress | None = None,
+    measurement: Measurement | None = None,
 ) -> Plan:
     """Return what measured data could still have shown besides what a diagnosis has found.
 
@@ -184,15 +198,17 @@ def plan_from_search(
     sizes : Relevant
     progress : callable, optional
         Called with a text and the fraction done.
+    measurement : Measurement, optional
+        The data, where they are FRFs.
     """
     search, best = searched.search, searched.best
     measured = search.fits.problem
-    scatter = with_likely_shifts(search.fits.ranking.scatter(measured, best.fitted))
-    problem = replace(measured, scatter=scatter)
+    scatter = search.fits.ranking.scatter(measured, best.fitted)
+    problem = measured if scatter is None else replace(measured, scatter=with_likely_shifts(scatter))
     candidates = [c for c in search.compatible_with(best.effects) if not c.amplitude_dependent]
     say = progress or (lambda text, done: None)
     seen = visibility(problem, best.fitted, candidates, search.fits.odds, None, say)
-    return _plan(seen, problem.reduced.model, problem.data.measurement, sizes)
+    return _plan(seen, problem.reduced.model, measurement, sizes)
 
 
 def with_averages(plan: Plan, now: int, more: int, progress: Progress | None = None) -> Plan:
@@ -215,7 +231,7 @@ def with_averages(plan: Plan, now: int, more: int, progress: Progress | None = N
     return _plan(again, plan.model, plan.measurement, plan.sizes)
 
 
-def _plan(seen: Visibility, model: Model, measurement: Measurement, sizes: Relevant) -> Plan:
+def _plan(seen: Visibility, model: Model, measurement: Measurement | None, sizes: Relevant) -> Plan:
     mass = members_mass(model)
     found = [_outlook(x, sizes, mass, seen.problem.surroundings) for x in seen.effects]
     return Plan(seen, model, measurement, sizes, tuple(o for o in found if o is not None))

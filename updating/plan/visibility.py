@@ -9,22 +9,24 @@ both.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from fem.model import Effect, covers
+from fem.model import Effect, ParameterRef, covers
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Little, distance
 from updating.forecast.information import ExpectedGains, Information
+from updating.forecast.look import Look
 from updating.inference.effect_priors import log_occam_factor
-from updating.inference.fit import FitProblem
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
+from updating.inference.problem import Problem
 from updating.least_squares.loss import pseudo_huber
 
 POWER = 0.9
@@ -161,7 +163,7 @@ class Visibility:
 
     Attributes
     ----------
-    problem : FitProblem
+    problem : Problem
     base : FitResult
         The model without the effects.
     odds : Odds
@@ -169,17 +171,25 @@ class Visibility:
         Each candidate at each of its positions.
     discrepancy : float or None
         Level that a right model will leave, besides noise; None for data whose residuals show it [nepers].
+    look : Look
+        At the model.
     """
 
-    problem: FitProblem
+    problem: Problem[Any]
     base: FitResult
     odds: Odds
     effects: tuple[Visible, ...]
     discrepancy: float | None
+    look: Look[Any, Any]
+
+    def hidden_by(self, x: Visible) -> list[tuple[ParameterRef, float]]:
+        """Return the uncertain parameters that hide most of an effect, as of :meth:`Look.hidden_by`."""
+        change = self.look.small_changes(x.little)[x.position, self.look.residuals.full_band]
+        return self.look.hidden_by(change, x.little.grid.effect.replaces())
 
 
 def visibility(
-    problem: FitProblem,
+    problem: Problem[Any],
     base: FitResult,
     candidates: Sequence[Effect],
     odds: Odds,
@@ -191,7 +201,7 @@ def visibility(
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
         With small deviations among its unknowns.
     base : FitResult
         The model without the effects.
@@ -205,7 +215,8 @@ def visibility(
     averaged : float
         Averages so far over those that there will be [-].
     """
-    problem = replace(problem, data=problem.data.averaged(averaged))
+    if averaged != 1:
+        problem = replace(problem, data=problem.data.averaged(averaged))
     forecast = Forecast.at(
         problem,
         base,
@@ -241,10 +252,10 @@ def visibility(
                 alike=float(alike[i]),
             )
         )
-    return Visibility(problem, base, odds, tuple(found), discrepancy)
+    return Visibility(problem, base, odds, tuple(found), discrepancy, forecast.look)
 
 
-def odds_against(problem: FitProblem, effect: Effect, odds: Odds, n_positions: int) -> float:
+def odds_against(problem: Problem[Any], effect: Effect, odds: Odds, n_positions: int) -> float:
     """Return the log odds against an effect of one size at one of its positions, which might be any of many.
 
     As if its size were known to a ``KNOWN``th of itself.
