@@ -128,6 +128,7 @@ def _range(effects: list[Effect]) -> str:
 def title(plan: Plan) -> str:
     """Return what the map is of."""
     m, data = plan.measurement, plan.visibility.problem.data
+    assert m is not None
     f = data.frequency
     error = plan.visibility.discrepancy
     text = (

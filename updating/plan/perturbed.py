@@ -184,6 +184,7 @@ def perturbed(
     def look_at(problem: FitProblem, base: FitResult) -> Look:
         return Look.of(problem, base, None, 0, MOST_COMPARED, discrepancy, bounded=False)
 
+    assert plan.measurement is not None
     first = look_at(plan.visibility.problem, plan.visibility.base)
     refs = first.prior_of
     alone = _State.of(first, effects, factors, refs).reduced()

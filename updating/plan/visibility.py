@@ -175,7 +175,7 @@ class Visibility:
         At the model.
     """
 
-    problem: Problem[Any]
+    problem: Any
     base: FitResult
     odds: Odds
     effects: tuple[Visible, ...]
