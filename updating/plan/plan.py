@@ -108,7 +108,7 @@ class Plan:
 
         With each comes the least size that would be seen if it and those before it were known exactly.
         """
-        best = min(some, key=lambda o: o.visible.enough[0] * size_of(o.visible.slight))
+        best = min(some, key=lambda o: o.visible.least)
         x, out = best.visible, list[tuple[ParameterRef, Effect | None]]()
         for ref, more in self.visibility.hidden_by(x):
             effect = x.at(x.enough[0] / more)
@@ -117,10 +117,13 @@ class Plan:
 
     @property
     def twins(self) -> tuple[tuple[Outlook, Effect], ...]:
-        """Relevant effects that are seen but not named, with their rivals; pairs once, the closest first."""
+        """Relevant effects that are seen but not named, with their rivals; pairs once, the closest first.
+
+        Of equally close positions of a pair that which is seen best.
+        """
         found: dict[frozenset[str], tuple[Outlook, Effect]] = {}
         some = [o for o in self.relevant if o.seen and not o.named]
-        for o in sorted(some, key=lambda o: -o.visible.alike):
+        for o in sorted(some, key=lambda o: (-round(o.visible.alike, 9), o.visible.least)):
             rival = o.visible.rival
             found.setdefault(frozenset((o.relevant.name, rival.name)), (o, rival))
         return tuple(found.values())

@@ -103,6 +103,11 @@ class Visible:
         return self._of(1.0)
 
     @property
+    def least(self) -> float:
+        """The size, from none, at which something must be missing, plausible or not."""
+        return self.enough[0] * size_of(self.slight)
+
+    @property
     def seen(self) -> Effect | None:
         """The least size at which something must be missing; None where there is none."""
         return self.at(self.enough[0])
