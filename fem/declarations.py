@@ -1,7 +1,7 @@
 """Declarations of an effect, so that no other code asks for its class: role, marker, documentation."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Flag, StrEnum, auto
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -194,3 +194,23 @@ class Yardstick(Protocol):
     def odd_stiffness(self, direction: str, stiffness: float) -> str:
         """Return in words why a stiffness in x … rz is absurd, or an empty string [N/m, N·m/rad]."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class SectionTolerance:
+    """How well the sections of some members are known, in standard deviations.
+
+    Attributes
+    ----------
+    members : tuple of str
+        All unless given.
+    size : float or None
+        Of each dimension of a shape, outer sizes and thicknesses of walls [m]; as usual for None.
+    shares : mapping of str to float
+        Of mass per length ``A``, bending ``Iy``, ``Iz``, torsion ``J`` and ``shear`` flexibility, relative
+        [-]. What is stated here does not follow from ``size``.
+    """
+
+    members: tuple[str, ...] = ()
+    size: float | None = None
+    shares: Mapping[str, float] = field(default_factory=dict)

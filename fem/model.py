@@ -21,6 +21,7 @@ from fem.declarations import (
     Marker,
     Relevant,
     Role,
+    SectionTolerance,
     Site,
     Yardstick,
 )
@@ -496,6 +497,8 @@ class Model:
         Damping of the structure.
     environment : frozenset of Environment
         Situation of the structure, as far as it is stated: which effects it may lack.
+    tolerances : tuple of SectionTolerance
+        How well sections are known; of two for one member the last counts.
     instruments : Instruments or None
         Sensors and drivers of a test, by which kinds of effect that belong to these are proposed.
     ground : MovingGround or None
@@ -506,6 +509,7 @@ class Model:
     effects: tuple[Effect, ...]
     damping: Damping = field(default_factory=Damping)
     environment: frozenset[Environment] = frozenset()
+    tolerances: tuple[SectionTolerance, ...] = ()
     instruments: Instruments | None = field(default=None, repr=False)
     ground: MovingGround | None = field(default=None, init=False, repr=False)
 
@@ -572,6 +576,10 @@ class Model:
     def in_environment(self, *more: Environment) -> "Model":
         """Return a model that states more of its situation."""
         return replace(self, environment=self.environment.union(more))
+
+    def with_tolerances(self, *tolerances: SectionTolerance) -> "Model":
+        """Return a model whose sections are known so well."""
+        return replace(self, tolerances=(*self.tolerances, *tolerances))
 
     def with_instruments(self, instruments: Instruments) -> "Model":
         """Return a model on which a test has sensors and drivers."""

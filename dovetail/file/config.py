@@ -72,6 +72,7 @@ from dovetail.file.settings import (
     read_frequency,
     read_model_error,
     read_relevant,
+    read_tolerances,
 )
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable, with_unknown_keys
@@ -135,6 +136,7 @@ TABLES = (
     "uncertain",
     "candidates",
     "fit",
+    "form",
     "frequency",
 )
 """Tables of a study file."""
@@ -387,6 +389,7 @@ class _Reader:
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
         kinds, exclude, environment = read_candidates(top)
         model = self._model(mesh, (*parts.frame, *more), damping, groups, notes).in_environment(*environment)
+        model = model.with_tolerances(*read_tolerances(top, model))
         with top.at("excitations"):
             driven = with_moving_base(model, groups[1])
 

@@ -1,12 +1,16 @@
 """Read the settings of analyses: the tables ``[fit]``, ``[frequency]`` and ``[candidates]``."""
 
+from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
 
 from dovetail.file.table import StudyTable, suggest
-from fem.declarations import Environment, Relevant
+from fem.declarations import Environment, Relevant, SectionTolerance
 from fem.effects import candidate_kinds
+from fem.effects.places import frame_of
+from fem.model import Model
+from fem.sections.tolerance import constants_std
 from updating.inference.defaults import EXPLAINED_LEVEL
 
 DEFAULT_FREQUENCY = 1000.0
@@ -14,6 +18,11 @@ DEFAULT_FREQUENCY = 1000.0
 
 MOST_LINES = 1_000_000
 """Largest number of frequency lines; a larger one is taken for a mistake."""
+
+SHARES = {"mass": ("A",), "bending": ("Iy", "Iz"), "torsion": ("J",), "shear": ("shear",)}
+"""Keys of ``[form]``, and the constants of a section whose relative deviation they state."""
+MOST_SHARE = 0.5
+"""Largest relative standard deviation of these [-]."""
 
 N_BANDS = 8
 """Equal bands in which FRFs are compared, unless the caller says otherwise."""
@@ -27,6 +36,37 @@ def read_model_error(fit: StudyTable) -> float:
     if stated:
         fit.refuse("form", f"it is false, but model_error is {stated:g}: beams may then err")
     return 0.0
+
+
+def read_tolerances(top: StudyTable, model: Model) -> list[SectionTolerance]:
+    """Read ``[form]``: how well sections are known, of all members and of some."""
+    t = top.table("form")
+    parts = t.tables("parts")
+    out = [_tolerance(t, model)]
+    for part in parts:
+        out.append(_tolerance(part, model, part.texts("members")))
+    return [tolerance for tolerance in out if tolerance.size is not None or tolerance.shares]
+
+
+def _tolerance(t: StudyTable, model: Model, members: Sequence[str] = ()) -> SectionTolerance:
+    """Read how well the sections of some members are known; of all, where none are named."""
+    names = list(model.mesh.members)
+    for name in members:
+        if name not in names:
+            t.refuse("members", f"there is no member '{name}'; {suggest(name, names)}")
+    size = t.number("size", None, least=0.0, unit="m")
+    shares = {key: t.number(word, None, least=0.0, unit="-") for word, keys in SHARES.items() for key in keys}
+    for word, keys in SHARES.items():
+        if (share := shares[keys[0]]) is not None and share > MOST_SHARE:
+            t.refuse(word, f"{share:g} is not allowed; a standard deviation up to {MOST_SHARE:g} is [-]")
+    t.finish()
+    stated = {key: share for key, share in shares.items() if share is not None}
+    tolerance = SectionTolerance(tuple(members), size, stated)
+    frame = frame_of(model)
+    for name in members or names if size is not None else ():
+        with t.at("size"):
+            constants_std(tolerance, frame.members[name].section)
+    return tolerance
 
 
 def read_relevant(top: StudyTable) -> Relevant:

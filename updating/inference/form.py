@@ -11,6 +11,7 @@ from fem.effects.instrument_form import DriverForm, SensorForm
 from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
 from fem.model import Effect, Model
+from fem.sections.tolerance import constants_std
 from updating.inference.belief import FORM_SECTION, FORM_ZONE, LIGHT, STATED_MASS
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement, instruments_on
@@ -27,8 +28,8 @@ def form_of(
     A model that has some of them already, as one that an earlier diagnosis found, keeps its own.
     """
     known = {_place(e): e for kind in (*FORMS, *TEST_FORMS) for e in model.of_kind(kind)}
-    std = FORM_SECTION | FORM_ZONE
-    each = [(e, std) for kind in FORMS for e in kind.propose(model)]
+    each = [(e, _section_std(model, e)) for e in SectionForm.propose(model)]
+    each += [(e, FORM_ZONE) for kind in (ZoneForm, ClampForm) for e in kind.propose(model)]
     if measurement is not None:
         each += _of_test(model, measurement)
     chosen = [(known.get(_place(e), e), std) for e, std in each]
@@ -39,6 +40,15 @@ def form_of(
         if std[p.name] > 0  # 0 means an exact description
     ]
     return tuple(e for e, _ in chosen if e not in known.values()), tuple(varied)
+
+
+def _section_std(model: Model, form: SectionForm) -> dict[str, float]:
+    """Return how well a section is known: as the model states, otherwise as usual."""
+    std, section = dict(FORM_SECTION), form.frame.members[form.members[0]].section
+    for tolerance in model.tolerances:
+        if not tolerance.members or set(tolerance.members) & set(form.members):
+            std |= constants_std(tolerance, section)
+    return std
 
 
 def with_form(model: Model, model_error: float, measurement: Measurement | None = None) -> Model:
