@@ -86,7 +86,7 @@ def test_what_is_stated_counts_and_all_else_is_as_usual(tmp_path):
     tube = std_of(stated, "tube")
     assert tube["J"] == 0.1
     assert tube["Iy"] == pytest.approx(tube["Iz"])
-    assert 0.009 < tube["Iy"] < 0.012  # of the wall alone 0.01
+    assert tube["Iy"] == pytest.approx(0.01, rel=0.2)  # the wall of 1 mm decides
 
 
 def test_what_is_known_exactly_does_not_vary(tmp_path):

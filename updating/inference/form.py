@@ -28,8 +28,7 @@ def form_of(
     A model that has some of them already, as one that an earlier diagnosis found, keeps its own.
     """
     known = {_place(e): e for kind in (*FORMS, *TEST_FORMS) for e in model.of_kind(kind)}
-    each = [(e, _section_std(model, e)) for e in SectionForm.propose(model)]
-    each += [(e, FORM_ZONE) for kind in (ZoneForm, ClampForm) for e in kind.propose(model)]
+    each = [(e, _usual(model, e)) for kind in FORMS for e in kind.propose(model)]
     if measurement is not None:
         each += _of_test(model, measurement)
     chosen = [(known.get(_place(e), e), std) for e, std in each]
@@ -42,12 +41,14 @@ def form_of(
     return tuple(e for e, _ in chosen if e not in known.values()), tuple(varied)
 
 
-def _section_std(model: Model, form: SectionForm) -> dict[str, float]:
-    """Return how well a section is known: as the model states, otherwise as usual."""
-    std, section = dict(FORM_SECTION), form.frame.members[form.members[0]].section
-    for tolerance in model.tolerances:
-        if not tolerance.members or set(tolerance.members) & set(form.members):
-            std |= constants_std(tolerance, section)
+def _usual(model: Model, form: Effect) -> dict[str, float]:
+    """Return how well a part of the form is known: a section as the model states, all else as usual."""
+    std = FORM_SECTION | FORM_ZONE
+    if isinstance(form, SectionForm):
+        section = form.frame.members[form.members[0]].section
+        for tolerance in model.tolerances:
+            if not tolerance.members or set(tolerance.members) & set(form.members):
+                std |= constants_std(tolerance, section)
     return std
 
 
