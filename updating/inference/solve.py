@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import dsyrk
 
 from fem.summary import fields_summary
 from updating.least_squares.costs import Costs
+from updating.least_squares.jacobian import DenseJacobian, Jacobian
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 Residual = Callable[[NDArray[np.float64], bool], tuple[NDArray[np.complex128], NDArray[np.complex128] | None]]
-
+Linearised = Callable[[NDArray[np.float64]], tuple[NDArray[np.complex128], Jacobian]]
 
 ROUNDING = 1e-7
 """Change of the data by one unit of an unknown that is put down to rounding [standard deviations]."""
@@ -99,6 +99,7 @@ def solve_robust(
     *,
     levels: Costs,
     groups: NDArray[np.int64] | None = None,
+    linearised: Linearised | None = None,
     robust: float = 0.5,
     max_iterations: int = 20,
     tolerance: float = TOLERANCE,
@@ -127,6 +128,8 @@ def solve_robust(
         Cost of the groups' mean squares, in the order of the groups' numbers.
     groups : ndarray of int (m,), optional
         Group of each residual; all in one unless given. Groups count by their size.
+    linearised : callable, optional
+        Gives r and its :class:`updating.least_squares.jacobian.Jacobian` where that is not a dense array.
     robust : float
         c, where the loss turns from quadratic to linear.
     max_iterations : int
@@ -140,10 +143,16 @@ def solve_robust(
     """
     lo, hi = bounds
     x = np.clip(x0, lo, hi)
-    r, J = residual(x, True)
-    assert J is not None
+
+    def dense(x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], Jacobian]:
+        r, J = residual(x, True)
+        assert J is not None
+        return r, DenseJacobian(J)
+
+    r, J = (linearised or dense)(x)
     member = np.zeros(len(r), dtype=np.int64) if groups is None else np.unique(groups, return_inverse=True)[1]
-    posterior = _Posterior(residual, prior, levels, member, np.bincount(member), robust)
+    size = np.bincount(member)
+    posterior = _Posterior(residual, linearised or dense, prior, levels, member, size, robust)
     control = Control(
         reach=lambda x: max_step * np.where(relative, np.maximum(1.0, np.abs(x)), 1.0),
         promised_gain=Tolerance(tolerance),
@@ -171,7 +180,7 @@ class _Point:
     x: NDArray[np.float64]
     cost: float
     misfit: NDArray[np.float64]
-    derived: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
+    derived: tuple[NDArray[np.complex128], Jacobian] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,6 +188,7 @@ class _Posterior:
     """The negative log posterior that :func:`solve_robust` minimises."""
 
     residual: Residual
+    derived: Linearised
     prior: Prior
     levels: Costs
     member: NDArray[np.int64]  # group of each residual
@@ -189,7 +199,7 @@ class _Posterior:
         self,
         x: NDArray[np.float64],
         r: NDArray[np.complex128],
-        J: NDArray[np.complex128] | None = None,
+        J: Jacobian | None = None,
     ) -> _Point:
         """Return the cost of residuals."""
         misfit = np.bincount(self.member, pseudo_huber(r, self.robust), minlength=len(self.size)) / self.size
@@ -203,10 +213,10 @@ class _Posterior:
             return None
 
     def linearised(self, point: _Point) -> Linearisation:
-        r, J = self.residual(point.x, True) if point.derived is None else point.derived
-        assert J is not None
-        g, A = self.normal(r, J, self.worth(point.misfit))
+        r, J = self.derived(point.x) if point.derived is None else point.derived
+        (g,), (A,) = J.products(r, self.worth(point.misfit)[self.member] * pseudo_huber_weight(r, self.robust))
         g = g + self.prior.slope(point.x)
+        A += self.prior.information
         # What neither data nor priors hold would follow rounding.
         free = ~np.isfinite(self.prior.std) & (np.diag(A) < ROUNDING**2)
         g[free] = A[free] = A[:, free] = 0.0
@@ -215,15 +225,3 @@ class _Posterior:
     def worth(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return by how much half the square of a residual of each group counts, (n_groups,)."""
         return self.levels.weight(misfit) / self.size
-
-    def normal(
-        self, r: NDArray[np.complex128], J: NDArray[np.complex128], worth: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return Σ w J r, and the normal equations' matrix with the prior's."""
-        w = worth[self.member] * pseudo_huber_weight(r, self.robust)
-        root = np.sqrt(w)
-        flat = np.hstack([J.real * root, J.imag * root])
-        A = dsyrk(1.0, flat.T, trans=1)  # the upper half of a symmetric product
-        A = A + np.triu(A, 1).T
-        A += self.prior.information
-        return flat @ np.concatenate([root * r.real, root * r.imag]), A
