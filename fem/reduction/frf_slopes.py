@@ -1,4 +1,4 @@
-"""Derivatives of receptances in single precision, by what changes all of them and by what one output reads."""
+"""Derivatives of receptances in single precision: by what changes all, and by what one output reads."""
 
 from dataclasses import dataclass
 

@@ -182,4 +182,3 @@ class FrfFunction(FitFunction[FrfInputs]):
             channels=known.errors(solution.x[n:], n_ends),
             channels_std=known.deviations(covariance[n:, n:], n_ends),
         )
-

@@ -1,6 +1,7 @@
 """Derivatives of weighted log ratios of FRFs, whose normal equations have the form of an arrow."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ class FrfJacobian:
 
     @property
     def _counts(self) -> tuple[int, int, int, int]:
-        """Number of variables, of unknowns of damping, of deviations before errors of sensors, and of these."""
+        """Numbers of variables, unknowns of damping, deviations before errors of sensors, and these."""
         n_variables, n_damping = len(self.first_refs), self.by_damping.shape[1]
         return n_variables, n_damping, self.slopes.first - self.n_refs, len(self.slopes.of)
 
@@ -77,8 +78,7 @@ class FrfJacobian:
         if member is not None:
             ends = [0, *(line[np.flatnonzero(np.diff(member)) + 1]).tolist(), len(self.keep)]
         parts = [
-            self._products(common[:, :, a:b], single[:, a:b], residuals[:, a:b])
-            for a, b in zip(ends, ends[1:], strict=False)
+            self._products(common[:, :, a:b], single[:, a:b], residuals[:, a:b]) for a, b in pairwise(ends)
         ]
         g, A = (np.array(each) for each in zip(*parts, strict=True))
         return g, A
@@ -92,7 +92,7 @@ class FrfJacobian:
         g, A = np.zeros(n + m), np.zeros((n + m, n + m))
         of = np.searchsorted(self.slopes.of, np.arange(len(r) + 1))
         gc, gs, Acc, Acs = np.zeros(n), np.zeros(m), np.zeros((n, n)), np.zeros((n, m))
-        for k, (first, last) in enumerate(zip(of, of[1:], strict=False)):
+        for k, (first, last) in enumerate(pairwise(of)):
             J, q = _real(common[:, k]), _real(r[None, k])[0]
             gc += J @ q
             Acc += J @ J.T
@@ -118,7 +118,9 @@ class FrfJacobian:
         n = n_variables + n_damping
         out = np.empty((n + len(dH) - self.n_refs - n_zeta, *dH.shape[1:]), dtype=np.complex64)
         if n_variables < self.n_refs:
-            np.multiply(np.add.reduceat(dH[: self.n_refs], self.first_refs, axis=0), per, out=out[:n_variables])
+            np.multiply(
+                np.add.reduceat(dH[: self.n_refs], self.first_refs, axis=0), per, out=out[:n_variables]
+            )
         else:
             np.multiply(dH[: self.n_refs], per, out=out[:n_variables])
         for k in range(n_damping):

@@ -214,14 +214,11 @@ class _Posterior:
 
     def linearised(self, point: _Point) -> Linearisation:
         r, J = self.derived(point.x) if point.derived is None else point.derived
-        (g,), (A,) = J.products(r, self.worth(point.misfit)[self.member] * pseudo_huber_weight(r, self.robust))
+        weight = self.levels.weight(point.misfit) / self.size
+        (g,), (A,) = J.products(r, weight[self.member] * pseudo_huber_weight(r, self.robust))
         g = g + self.prior.slope(point.x)
         A += self.prior.information
         # What neither data nor priors hold would follow rounding.
         free = ~np.isfinite(self.prior.std) & (np.diag(A) < ROUNDING**2)
         g[free] = A[free] = A[:, free] = 0.0
         return Linearisation(g, A)
-
-    def worth(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return by how much half the square of a residual of each group counts, (n_groups,)."""
-        return self.levels.weight(misfit) / self.size
