@@ -93,13 +93,11 @@ def test_normal_equations_by_sensor_are_those_of_the_dense_jacobian(phase, n_for
     assert function.scatter.n_channels > 10
     rng = np.random.default_rng(1)
     r, jacobian = function.linearised(function.start + 0.1 * rng.standard_normal(len(function.start)))
-    member = np.unique(function.groups, return_inverse=True)[1]
-    assert member.max() > 0
-    for groups in (None, member):
+    for groups in (None, np.nonzero(function.keep)[0] // 25):
         weight = rng.uniform(0.5, 2.0, len(r))
         g, A = jacobian.products(r, weight, groups)
         dense_g, dense_A = DenseJacobian(jacobian.dense()).products(r, weight, groups)
-        size = np.sqrt(dense_A.sum(axis=0).diagonal())
+        size = np.sqrt(np.maximum(dense_A.sum(axis=0).diagonal(), 1e-12))
         assert np.abs((A - dense_A) / np.outer(size, size)).max() < 3e-6
         assert np.abs((g - dense_g) / size).max() < 3e-6 * np.linalg.norm(r)
 

@@ -17,6 +17,8 @@ Linearised = Callable[[NDArray[np.float64]], tuple[NDArray[np.complex128], Jacob
 
 ROUNDING = 1e-7
 """Change of the data by one unit of an unknown that is put down to rounding [standard deviations]."""
+MOST_MADE = 3
+"""Number of points in a row that may share derivatives."""
 TOLERANCE = 5e-3
 """A fit ends when a step gains less [nats]."""
 
@@ -175,12 +177,28 @@ def solve_robust(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
-    """Unknowns, their cost, and the robust mean square of each group; residuals and Jacobian if at hand."""
+    """Unknowns, their cost, the robust mean square of each group, residuals; their Jacobian if at hand."""
 
     x: NDArray[np.float64]
     cost: float
     misfit: NDArray[np.float64]
-    derived: tuple[NDArray[np.complex128], Jacobian] | None = None
+    r: NDArray[np.complex128]
+    jacobian: Jacobian | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Derived(Linearisation):
+    """The quadratic model with the derivatives of which it was made, for the n-th time."""
+
+    posterior: "_Posterior"
+    jacobian: Jacobian
+    n_made: int
+
+    def again(self, point: _Point) -> "_Derived | None":
+        """Return the model at a point near by, with the residuals and weights there."""
+        if self.n_made == MOST_MADE:
+            return None
+        return self.posterior.with_derivatives(point, self.jacobian, self.n_made + 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,15 +214,11 @@ class _Posterior:
     robust: float
 
     def point(
-        self,
-        x: NDArray[np.float64],
-        r: NDArray[np.complex128],
-        J: Jacobian | None = None,
+        self, x: NDArray[np.float64], r: NDArray[np.complex128], jacobian: Jacobian | None = None
     ) -> _Point:
         """Return the cost of residuals."""
         misfit = np.bincount(self.member, pseudo_huber(r, self.robust), minlength=len(self.size)) / self.size
-        cost = self.levels.cost(misfit) + self.prior.cost(x)
-        return _Point(x, cost, misfit, None if J is None else (r, J))
+        return _Point(x, self.levels.cost(misfit) + self.prior.cost(x), misfit, r, jacobian)
 
     def at(self, x: NDArray[np.float64], near: _Point) -> _Point | None:
         try:
@@ -212,13 +226,17 @@ class _Posterior:
         except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
             return None
 
-    def linearised(self, point: _Point) -> Linearisation:
-        r, J = self.derived(point.x) if point.derived is None else point.derived
+    def linearised(self, point: _Point) -> _Derived:
+        return self.with_derivatives(point, point.jacobian or self.derived(point.x)[1], 1)
+
+    def with_derivatives(self, point: _Point, jacobian: Jacobian, n_made: int) -> _Derived:
+        """Return the quadratic model at a point with derivatives of there or near by."""
         weight = self.levels.weight(point.misfit) / self.size
-        (g,), (A,) = J.products(r, weight[self.member] * pseudo_huber_weight(r, self.robust))
+        weight = weight[self.member] * pseudo_huber_weight(point.r, self.robust)
+        (g,), (A,) = jacobian.products(point.r, weight)
         g = g + self.prior.slope(point.x)
         A += self.prior.information
         # What neither data nor priors hold would follow rounding.
         free = ~np.isfinite(self.prior.std) & (np.diag(A) < ROUNDING**2)
         g[free] = A[free] = A[:, free] = 0.0
-        return Linearisation(g, A)
+        return _Derived(g, A, self, jacobian, n_made)
