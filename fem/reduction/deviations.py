@@ -40,9 +40,8 @@ class EndChanges:
         """Return outputs or inputs (r, n) with the changes of some sizes (k,)."""
         if not sizes.any():
             return ends
-        out = ends.copy()
-        np.add.at(out.T, self.of, (self.along * sizes).T)
-        return out
+        read_by = self.of[:, None] == np.arange(ends.shape[1])
+        return ends + (self.along * sizes) @ read_by
 
 
 NO_ENDS = EndChanges(np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
@@ -307,8 +306,10 @@ def _products(
     """
     (n_lines, n_a, _, n), n_b, m = A.shape, B.shape[1], len(stack)
     forces = (A.reshape(-1, n) @ stack.reshape(-1, n).T).reshape(n_lines, n_a, 2, m, n)
-    real, imaginary = B.transpose(2, 0, 3, 1)
-    both = np.stack([np.stack([real, imaginary], axis=-1), np.stack([-imaginary, real], axis=-1)])
+    # Both parts of b, and of i b, beside each other: products are complex numbers in memory.
+    both = np.empty((2, n_lines, n, n_b, 2), dtype=np.float32)
+    both[0] = B.transpose(0, 3, 1, 2)
+    both[1, ..., 0], both[1, ..., 1] = -both[0, ..., 1], both[0, ..., 0]
     both = both.reshape(2, n_lines, n, 2 * n_b)
     out = np.empty((n_lines, n_a, m, 2 * n_b), dtype=np.float32)
     for k in range(n_a):

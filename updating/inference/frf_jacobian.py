@@ -1,5 +1,6 @@
 """Derivatives of weighted log ratios of FRFs, whose normal equations have the form of an arrow."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -87,22 +88,17 @@ class FrfJacobian:
         self, common: NDArray[np.complex64], single: NDArray[np.complex64], r: NDArray[np.complex64]
     ) -> tuple[Floats, Floats]:
         """Return Σ J r and Σ J Jᵀ of weighted derivatives and residuals at some lines."""
-        every, own = self.rows
-        n, m = len(every), len(own)
+        n, m = len(common), len(single)
         g, A = np.zeros(n + m), np.zeros((n + m, n + m))
-        of = np.searchsorted(self.slopes.of, np.arange(len(r) + 1))
-        gc, gs, Acc, Acs = np.zeros(n), np.zeros(m), np.zeros((n, n)), np.zeros((n, m))
+        of = n + np.searchsorted(self.slopes.of, np.arange(len(r) + 1))
         for k, (first, last) in enumerate(pairwise(of)):
-            J, q = _real(common[:, k]), _real(r[None, k])[0]
-            gc += J @ q
-            Acc += J @ J.T
-            if last > first:
-                S = _real(single[first:last])
-                gs[first:last], Acs[:, first:last] = S @ q, J @ S.T
-                A[np.ix_(own[first:last], own[first:last])] = S @ S.T
-        A[np.ix_(every, every)], A[np.ix_(every, own)], A[np.ix_(own, every)] = Acc, Acs, Acs.T
-        g[every], g[own] = gc, gs
-        return g, A
+            J, S, q = _real(common[:, k]), _real(single[first - n : last - n]), _real(r[None, k])[0]
+            g[:n] += J @ q
+            A[:n, :n] += J @ J.T
+            g[first:last], A[:n, first:last], A[first:last, first:last] = S @ q, J @ S.T, S @ S.T
+        A[n:, :n] = A[:n, n:].T
+        order = np.argsort(np.concatenate(self.rows))
+        return g[order], A[np.ix_(order, order)]
 
     def _weighted(self, root: Floats | float) -> tuple[NDArray[np.complex64], NDArray[np.complex64]]:
         """Return derivatives of residuals times their factors (m,).
@@ -146,4 +142,4 @@ class FrfJacobian:
 
 def _real(X: NDArray[np.complex64]) -> NDArray[np.float32]:
     """Return complex arrays (n, ...) as rows of their real and imaginary parts, (n, m)."""
-    return X.reshape(len(X), -1).view(np.float32)
+    return X.reshape(len(X), math.prod(X.shape[1:])).view(np.float32)
