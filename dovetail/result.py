@@ -25,7 +25,6 @@ from updating.diagnosis.verdict import Explanation, Verdict
 from updating.inference.belief import FAR_STD
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve
-from updating.inference.unknowns import nuisance_unknowns
 from updating.measurement.measurement import Measurement
 from updating.plan.plan import Plan
 from updating.quality.faults import Fault
@@ -214,7 +213,7 @@ def uncertain_parameters(d: Verdict) -> tuple[UncertainValue, ...]:
     problem, final, model = d.calibration
     out = []
     there = {e.name for e in model.effects}
-    for u in nuisance_unknowns(problem.reduced.model, problem.nuisances):
+    for u in problem.nuisance_unknowns:
         name, parameter = u.ref
         if name not in there:  # corners that were in the model before the verdict was "unexplained"
             continue

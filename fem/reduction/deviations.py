@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Contribution
+from fem.reduction.frf_slopes import FrfSlopes
 from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.terms import ReducedTerm
@@ -39,9 +40,8 @@ class EndChanges:
         """Return outputs or inputs (r, n) with the changes of some sizes (k,)."""
         if not sizes.any():
             return ends
-        out = ends.copy()
-        np.add.at(out.T, self.of, (self.along * sizes).T)
-        return out
+        read_by = self.of[:, None] == np.arange(ends.shape[1])
+        return ends + (self.along * sizes) @ read_by
 
 
 NO_ENDS = EndChanges(np.zeros(0, dtype=np.int64), np.zeros((0, 0)))
@@ -103,7 +103,7 @@ class DeviatingFRF(ParametricFRF):
             for e in (deviations.outputs, deviations.inputs)
         ]
         self._dense: Floats | None = None
-        self._constant: tuple[NDArray[np.float32], Floats] | None = None
+        self._constant: tuple[list[int], list[Any], NDArray[np.float32], Floats] | None = None
         self.refs = (*self.refs, *(("deviations", str(k)) for k in range(len(deviations))))
 
     def matrices(self, values: Floats) -> tuple[dict[str, Any], list[ReducedTerm]]:
@@ -130,6 +130,15 @@ class DeviatingFRF(ParametricFRF):
         outputs, inputs = (change.added_to(ends, values[at]) for change, ends, at in both)
         return outputs, inputs
 
+    def slopes_of(self, values: Floats, zeta: Floats, units: Floats) -> tuple[Complexes, FrfSlopes]:
+        """Return the receptances and their derivatives, those by what outputs read at these outputs alone."""
+        if self.references is not None:
+            return super().slopes_of(values, zeta, units)
+        H, _, _ = self.evaluate(values, zeta, gradient=False)
+        assert self._last is not None
+        _, state, Xi, total, alone = self._last
+        return H, self._slopes(values, zeta, units, state, Xi, total, alone)
+
     def _derivatives(
         self,
         values: Floats,
@@ -139,7 +148,22 @@ class DeviatingFRF(ParametricFRF):
         total: Mapping[str, Any],
         alone: Sequence[ReducedTerm],
     ) -> tuple[Complexes, Complexes]:
-        """Return dH by the parameters and deviations, and by ζ, in single precision.
+        """Return dH by the parameters and deviations, and by ζ, in single precision."""
+        units, n_refs = np.ones(len(self.refs)), len(self.refs)
+        every: Any = self._slopes(values, zeta, units, state, Xi, total, alone).dense()
+        return every[:n_refs], every[n_refs:] if zeta.ndim > 1 else every[n_refs]
+
+    def _slopes(
+        self,
+        values: Floats,
+        zeta: Floats,
+        units: Floats,
+        state: ModalSolution,
+        Xi: Complexes,
+        total: Mapping[str, Any],
+        alone: Sequence[ReducedTerm],
+    ) -> FrfSlopes:
+        """Return the derivatives of receptances from the results of :meth:`solve`.
 
         dH = -Hₒ dZ Hᵢ with all dZ as one stack of matrices on the basis: few large products cost less than
         many small ones at the places of the parameters.
@@ -150,47 +174,37 @@ class DeviatingFRF(ParametricFRF):
         outward, of_outward = _real_and_imaginary(times(state.V, state.solve(outputs, transposed=True)))
         size = -of_inward * of_outward
         rows, factors, stack = self._stacked(values, state, total, alone, connections=zeta.ndim > 1)
-        n = stack.shape[1]
+        of_outputs, n_zeta = self._rows[3], 2 if zeta.ndim > 1 else 1
+        units = np.append(units, np.ones(n_zeta))
+        factors = (factors * size * units[rows][:, None]).astype(np.complex64)
         # Of few inputs the forces dZ Hᵢ are formed, of few outputs Hₒ dZ: a roving hammer has one output.
         if n_in <= n_out:
-            forces = inward.reshape(-1, n) @ stack.reshape(-1, n).T
-            products = forces.reshape(n_lines, -1, n) @ outward.reshape(n_lines, -1, n).transpose(0, 2, 1)
-            parts = products.reshape(n_lines, n_in, 2, -1, n_out, 2).transpose(2, 5, 3, 0, 4, 1)
+            products = _products(inward, stack, outward).transpose(2, 3, 0, 1)
         else:
-            forces = outward.reshape(-1, n) @ stack.transpose(0, 2, 1).reshape(-1, n).T
-            products = forces.reshape(n_lines, -1, n) @ inward.reshape(n_lines, -1, n).transpose(0, 2, 1)
-            parts = products.reshape(n_lines, n_out, 2, -1, n_in, 2).transpose(5, 2, 3, 0, 1, 4)
-        (rr, ri), (ir, ii) = parts
-        moved = _complex(rr - ii, ri + ir)
-        moved *= (size * np.array(factors)).astype(np.complex64)[:, :, None, None]
-        n_refs = len(self.refs)
-        dH = np.zeros((n_refs + (2 if zeta.ndim > 1 else 1), n_lines, n_out, n_in), dtype=np.complex64)
-        once, first = np.unique(rows, return_index=True)
-        dH[once] = moved[first]
-        for k in np.setdiff1d(np.arange(len(rows)), first):
-            dH[rows[k]] += moved[k]
+            products = _products(outward, stack.transpose(0, 2, 1), inward).transpose(2, 1, 0, 3)
+        first, n_of_outputs = of_outputs.start, of_outputs.stop - of_outputs.start
+        dH = np.zeros((len(units) - n_of_outputs, n_out, n_lines, n_in), dtype=np.complex64)
+        known = np.zeros(len(dH), dtype=bool)
+        rows = np.where(np.array(rows) < first, rows, np.array(rows) - n_of_outputs)
+        for row, product, factor in zip(rows, products, factors[:, None, :, None], strict=True):
+            if known[row]:
+                dH[row] += product * factor
+            else:
+                np.multiply(product, factor, out=dH[row])
+                known[row] = True
         for at, S, factor in zip(self._rows, (self._stiff, self._lossy), (state.stiffness, 1j), strict=False):
             if S.size:
-                along = S.astype(np.float32)
-                ui, uo = (_complex(*(X @ along).transpose(2, 3, 0, 1)) for X in (inward, outward))
-                ui *= (size * factor).astype(np.complex64)[:, None]
-                dH[at] = uo[:, :, :, None] * ui[:, :, None, :]
-        sides = (inward, of_inward), (outward, of_outward)
-        for k, (change, (moved, scale)) in enumerate(zip(self._changes, sides, strict=True)):
-            if not change.of.size:
-                continue
-            read = _complex(*(moved @ change.along.astype(np.float32)).transpose(2, 3, 0, 1))
-            read *= scale.astype(np.complex64)[:, None]
-            row, part = np.arange(len(change.of)), dH[self._rows[3 + k]]
-            if k == 0:
-                part[row, :, change.of] = read
-            else:
-                part[row, :, :, change.of] = read
-        slopes: Any = dH
-        if zeta.ndim > 1:
-            slopes[n_refs] -= slopes[n_refs + 1]  # all but the connections are damped as members
-            return slopes[:n_refs], slopes[n_refs:]
-        return slopes[:n_refs], slopes[n_refs]
+                ui, uo = (_along(X, S) for X in (inward, outward))
+                ui *= (size * factor * units[at, None]).astype(np.complex64)[:, :, None]
+                np.multiply(uo.transpose(0, 2, 1)[..., None], ui[:, None], out=dH[at])
+        of, along = self._changes[1].of, self._changes[1].along
+        read = _along(outward, along * units[self._rows[4]]) * of_outward.astype(np.float32)[:, None]
+        dH[first + np.arange(len(of)), :, :, of] = read.transpose(0, 2, 1)
+        of, along = self._changes[0].of, self._changes[0].along
+        single = _along(inward, along * units[of_outputs]) * of_inward.astype(np.float32)[:, None]
+        if n_zeta > 1:
+            dH[-2] -= dH[-1]  # all but the connections are damped as members
+        return FrfSlopes(dH, first, of, single)
 
     def _stacked(
         self,
@@ -200,22 +214,16 @@ class DeviatingFRF(ParametricFRF):
         alone: Sequence[ReducedTerm],
         *,
         connections: bool,
-    ) -> tuple[list[int], list[Any], NDArray[np.float32]]:
-        """Return the rows of m slopes of Z, their factors (n_freq,) and their matrices (m, n, n).
+    ) -> tuple[list[int], Complexes, NDArray[np.float32]]:
+        """Return the rows of m slopes of Z, their factors (m, n_freq) and their matrices (m, n, n).
 
         Behind the rows of parameters and deviations is that of ζ, and that of the ζ of ``connections`` if
-        they have a separate one.
+        they have a separate one. The matrices are valid until the next call.
         """
-        by, n_linear = self.factors(state), len(self._linear)
-        slopes = self.slopes(values, alone)
-        constant = [*slopes[:n_linear], *enumerate(self._elements, self._rows[2].start)]
-        still = [(i, factor) for i, term in constant for factor, _ in term.parts(by, self.omega)]
-        if self._constant is None:
-            parts = [term.spread(X) for _, term in constant for _, X in term.parts(by, self.omega)]
-            self._constant = _single(np.array(parts).reshape(-1, *2 * [self._n]))
+        by = self.factors(state)
         # Moduli multiply the matrices of many effects alike.
         moving: dict[tuple[int, int], tuple[int, Any, Any]] = {}
-        for i, term in slopes[n_linear:]:
+        for i, term in self.moving_slopes(values, alone):
             for factor, X in term.parts(by, self.omega):
                 *_, before = moving.get((i, id(factor)), (0, 0, 0.0))
                 moving[i, id(factor)] = i, factor, before + term.spread(X)
@@ -226,11 +234,27 @@ class DeviatingFRF(ParametricFRF):
             by_zeta[0], their[0] = (MV * np.sqrt(np.maximum(state.lam, 0.0))) @ MV.T, 2j * self.omega
         changing = [X for *_, X in moving.values()] + by_zeta
         rows = [i for i, *_ in moving.values()] + [len(self.refs) + k for k in range(len(by_zeta))]
+        n = len(changing)
+        if self._constant is None or len(self._constant[2]) != n + len(self._constant[0]):
+            self._constant = self._constant_slopes(n)
+        constant_rows, keys, stack, sizes = self._constant
+        stack[:n], sizes[:n] = _single(np.array(changing))
         factors = [f for _, f, _ in moving.values()] + their
-        (first, sizes), (others, theirs) = _single(np.array(changing)), self._constant
-        rows, factors = rows + [i for i, _ in still], factors + [f for _, f in still]
-        sizes = np.append(sizes, theirs)
-        return rows, [f * s for f, s in zip(factors, sizes, strict=True)], np.concatenate([first, others])
+        factors += [by[key] if isinstance(key, str) else key for key in keys]
+        return rows + constant_rows, np.array(factors) * sizes[:, None], stack
+
+    def _constant_slopes(self, n_before: int) -> tuple[list[int], list[Any], NDArray[np.float32], Floats]:
+        """Return rows, factors or their keys, matrices and sizes of the slopes that do not depend on values.
+
+        Matrices and sizes stand behind ``n_before`` empty ones.
+        """
+        names: Any = {key: key for key in ("K", "connections", "M", "C", "D")}
+        slopes = [*((i, t) for i, _, t in self._linear), *enumerate(self._elements, self._rows[2].start)]
+        parts = [(i, key, term.spread(X)) for i, term in slopes for key, X in term.parts(names, self.omega)]
+        stack, sizes = _single(np.array([X for *_, X in parts]).reshape(-1, self._n, self._n))
+        empty = np.zeros((n_before, self._n, self._n), dtype=np.float32)
+        every = np.concatenate([empty, stack]), np.append(np.zeros(n_before), sizes)
+        return [i for i, *_ in parts], [key for _, key, _ in parts], *every
 
     def read(self, values: Floats, state: ModalSolution, Xi: Complexes) -> Complexes:
         """Return the receptances, with what losses between different modes add."""
@@ -263,7 +287,32 @@ def _single(X: Floats) -> tuple[NDArray[np.float32], Floats]:
     return out, size
 
 
-def _complex(real: NDArray[np.float32], imaginary: NDArray[np.float32]) -> NDArray[np.complex64]:
+def _along(X: NDArray[np.float32], S: Floats) -> NDArray[np.complex64]:
+    """Return what directions S (n, k) have of complex motions (n_freq, m, 2, n), (k, n_freq, m)."""
+    real, imaginary = (X @ S.astype(np.float32)).transpose(2, 3, 0, 1)
     out = np.empty(real.shape, dtype=np.complex64)
     out.real, out.imag = real, imaginary
     return out
+
+
+def _products(
+    A: NDArray[np.float32], stack: NDArray[np.float32], B: NDArray[np.float32]
+) -> NDArray[np.complex64]:
+    """Return aᵀ X b for complex motions A (n_freq, i, 2, n) and B (n_freq, j, 2, n) and matrices X (m, n, n).
+
+    Returns
+    -------
+    ndarray (n_freq, i, m, j)
+    """
+    (n_lines, n_a, _, n), n_b, m = A.shape, B.shape[1], len(stack)
+    forces = (A.reshape(-1, n) @ stack.reshape(-1, n).T).reshape(n_lines, n_a, 2, m, n)
+    # Both parts of b, and of i b, beside each other: products are complex numbers in memory.
+    both = np.empty((2, n_lines, n, n_b, 2), dtype=np.float32)
+    both[0] = B.transpose(0, 3, 1, 2)
+    both[1, ..., 0], both[1, ..., 1] = -both[0, ..., 1], both[0, ..., 0]
+    both = both.reshape(2, n_lines, n, 2 * n_b)
+    out = np.empty((n_lines, n_a, m, 2 * n_b), dtype=np.float32)
+    for k in range(n_a):
+        np.matmul(forces[:, k, 0], both[0], out=out[:, k])
+        out[:, k] += forces[:, k, 1] @ both[1]
+    return out.view(np.complex64)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.referred import References
 from fem.model import Effect, Model, Parameter, ParameterRef
+from fem.reduction.frf_slopes import FrfSlopes
 from fem.reduction.modal_solution import ModalSolution, lines_first, range_of, times
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
@@ -353,7 +354,13 @@ class ParametricFRF:
         self, values: NDArray[np.float64], alone: Sequence[ReducedTerm]
     ) -> list[tuple[int, ReducedTerm]]:
         """Return the derivatives of the matrices; ``alone`` are the terms of :meth:`matrices` there."""
-        slopes = [(i, term) for i, _, term in self._linear]
+        return [*((i, term) for i, _, term in self._linear), *self.moving_slopes(values, alone)]
+
+    def moving_slopes(
+        self, values: NDArray[np.float64], alone: Sequence[ReducedTerm]
+    ) -> list[tuple[int, ReducedTerm]]:
+        """Return those of the :meth:`slopes` that depend on the values."""
+        slopes: list[tuple[int, ReducedTerm]] = []
         for scaled, term in zip(self._scaled, alone, strict=False):
             factors, now = scaled.factors(values), self._now(scaled.effect, scaled.rows, values)
             for k, i in enumerate(scaled.rows):
@@ -413,6 +420,26 @@ class ParametricFRF:
             return self.referred(H), None, None
         dH, by_zeta = self._derivatives(values, zeta, state, Xi, total, alone)
         return self.referred(H), self.referred_slopes(dH, H), self.referred_slopes(by_zeta, H)
+
+    def slopes_of(
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64], units: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], FrfSlopes]:
+        """Return the receptances, and their derivatives by the parameters and, behind them, by ζ.
+
+        Parameters
+        ----------
+        values, zeta : ndarray
+            As of :meth:`evaluate`.
+        units : ndarray (n_par,)
+            Changes of the parameters that count as 1.
+        """
+        H, dH, by_zeta = self.evaluate(values, zeta)
+        assert dH is not None
+        assert by_zeta is not None
+        dH = dH * units[:, None, None, None]
+        every = np.concatenate([dH, by_zeta.reshape(-1, *H.shape)]).swapaxes(1, 2).astype(np.complex64)
+        nothing = np.zeros((0, *H.shape[::2]), dtype=np.complex64)
+        return H, FrfSlopes(every, len(every), np.zeros(0, dtype=np.int64), nothing)
 
     def referred(self, H: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return what is read of the receptances of all outputs: themselves without references."""

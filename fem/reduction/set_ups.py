@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.reduction.frf_slopes import FrfSlopes
 from fem.reduction.parametric_frf import ParametricFRF
 
 
@@ -57,6 +58,17 @@ class SetUpsFRF:
                 if whole is not None and part is not None:
                     whole[..., rows, :] = part[..., rows, :]
         return H, dH, by_zeta
+
+    def slopes_of(
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64], units: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], FrfSlopes]:
+        """Return receptances and derivatives, as of :meth:`ParametricFRF.slopes_of`."""
+        H, slopes = self.engine.slopes_of(values, zeta, units)
+        H = np.array(H)
+        for rows, engine in self._loaded:
+            part, theirs = engine.slopes_of(values, zeta, units)
+            H[:, rows], slopes = part[:, rows], slopes.with_outputs(rows, theirs)
+        return H, slopes
 
     def anchor(self, values: NDArray[np.float64]) -> None:
         """Keep the sums of all matrices at some values, as :meth:`ParametricFRF.anchor`."""

@@ -9,6 +9,7 @@ import fem
 from tests.noise import complex_normal
 from updating import ChannelErrors, Measurement, Sensor, computed_frf, place_sensors
 from updating.inference import channel_scatter, fit_given, formed_problem
+from updating.least_squares.jacobian import DenseJacobian
 
 LINES = np.arange(5.0, 400.0, 1.5)
 STEEL = fem.Material("steel", 210e9, 7850.0)
@@ -79,6 +80,26 @@ def test_derivatives_of_channel_errors_are_differences():
         step[k] = 1e-4
         slope = (function(x + step, False)[0] - function(x - step, False)[0]) / 2e-4
         assert np.abs(slope - J[k]).max() < 1e-3 * np.abs(slope).max()
+
+
+@pytest.mark.parametrize("phase", [True, False])
+@pytest.mark.parametrize("n_forces", [1, 2])
+def test_normal_equations_by_sensor_are_those_of_the_dense_jacobian(phase, n_forces):
+    sensors, (force,) = described()
+    forces = (force, sensor("tap", TIP, (0, 1, 0)))[:n_forces]
+    model = bent([*sensors, *forces])
+    problem, _ = formed_problem(model, replace(measured(model, sensors, forces), phase=phase))
+    function = problem.function((), (), problem.lines_up_to(np.inf, 60))
+    assert function.scatter.n_channels > 10
+    rng = np.random.default_rng(1)
+    r, jacobian = function.linearised(function.start + 0.1 * rng.standard_normal(len(function.start)))
+    for groups in (None, np.nonzero(function.keep)[0] // 25):
+        weight = rng.uniform(0.5, 2.0, len(r))
+        g, A = jacobian.products(r, weight, groups)
+        dense_g, dense_A = DenseJacobian(jacobian.dense()).products(r, weight, groups)
+        size = np.sqrt(np.maximum(dense_A.sum(axis=0).diagonal(), 1e-12))
+        assert np.abs((A - dense_A) / np.outer(size, size)).max() < 3e-6
+        assert np.abs((g - dense_g) / size).max() < 3e-6 * np.linalg.norm(r)
 
 
 def test_a_fit_finds_a_turned_sensor_and_a_wrong_gain():

@@ -10,6 +10,7 @@ import pytest
 from fem import PointMass
 from updating.inference import Quadratic, by_size, log_evidence, log_occam_factor
 from updating.inference.fitting import _density
+from updating.least_squares.jacobian import DenseJacobian
 
 
 def test_evidence_of_a_linear_model_is_exact():
@@ -47,7 +48,8 @@ def test_evidence_of_a_size_is_that_of_a_fit_with_it():
     A, std, off = rng.standard_normal((40, 3)), np.array([0.5, 2.0, 1.0]), np.array([0.2, -0.4, 0.1])
     r = sigma * rng.standard_normal(40)  # at unknowns that are off the priors' means by so much
     levels, group = Known(40, sigma**2), np.zeros(40, int)
-    near = Quadratic.of(r.astype(complex), A.T.astype(complex), group, 100.0, levels)
+    J = DenseJacobian(A.T.astype(complex))
+    near = Quadratic.of(r.astype(complex), J, group, 100.0, levels)
     factors = [0.1, 1.0, 5.0]
     for factor, found in zip(factors, by_size(near, off, std, [1, 2], factors), strict=True):
         own = std * [1, factor, factor]

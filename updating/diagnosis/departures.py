@@ -12,7 +12,6 @@ from updating.diagnosis.evidence.hypothesis import Hypothesis, near_to
 from updating.inference.belief import FAR_STD, RARE
 from updating.inference.fit_result import FitResult
 from updating.inference.problem import Problem
-from updating.inference.unknowns import nuisance_unknowns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +58,7 @@ class Departure:
 def departures(problem: Problem[Any], result: FitResult) -> list[Departure]:
     """Return the parameters of the form outside their usual ranges, the farthest first."""
     out = []
-    for u in nuisance_unknowns(problem.reduced.model, problem.nuisances):
+    for u in problem.nuisance_unknowns:
         effect = problem.reduced.model.effect(u.ref[0])
         value = result.values.get(u.ref, u.nominal)
         if not effect.is_form or not u.has_prior or not np.isfinite(value):

@@ -143,8 +143,6 @@ class Look(Generic[P, C]):
     all_belong: bool = False
     # Looks at one fit that weight readings differently share the changes of a grid.
     _last: Recent = field(default_factory=lambda: Recent(1), repr=False)
-    # By the nuisance parameters that an effect replaces.
-    _projections: dict[tuple[ParameterRef, ...], Floats] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(
@@ -410,11 +408,15 @@ class Look(Generic[P, C]):
         Behind them stand those of prior knowledge, (n, m + n_all), which begin at ``off`` or, for changes of
         residuals, at 0. Parameters that an effect replaces stay as they are, and nothing is known of them.
         """
-        back = self._back(tuple(ref for ref in replaced if ref in self.prior_of))
+        C, back = self._nuisances
         known = np.zeros((len(r), len(self.off))) if off is None else np.tile(off, (len(r), 1))
         known[:, [k for k, ref in enumerate(self.prior_of) if ref in replaced]] = 0.0
         flat = np.hstack([r.real, r.imag, known])
-        rest, m = flat - (flat @ back.T) @ self.slopes, r.shape[1]
+        moved = flat @ back.T
+        fixed = [k for k, ref in enumerate(self.refs) if ref in replaced]
+        if fixed:
+            moved -= moved[:, fixed] @ np.linalg.solve(C[np.ix_(fixed, fixed)], C[fixed])
+        rest, m = flat - moved @ self.slopes, r.shape[1]
         return np.hstack([rest[:, :m] + 1j * rest[:, m : 2 * m], rest[:, 2 * m :]]).astype(complex)
 
     def hidden_by(
@@ -462,17 +464,6 @@ class Look(Generic[P, C]):
         A = A / np.outer(size, size) + SMALL * np.eye(len(size))
         C = np.asarray(np.linalg.inv(A), dtype=float) / np.outer(size, size)
         return C, C @ weighted
-
-    def _back(self, without: tuple[ParameterRef, ...]) -> Floats:
-        """Return what takes a residual to the change of nuisance parameters, some of which stay."""
-        if without not in self._projections:
-            C, back = self._nuisances
-            fixed = [k for k, ref in enumerate(self.refs) if ref in without]
-            if fixed:
-                back = back - C[:, fixed] @ np.linalg.solve(C[np.ix_(fixed, fixed)], back[fixed])
-                back[fixed] = 0.0
-            self._projections[without] = back
-        return self._projections[without]
 
 
 def _best_multiples(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fem.model import ModelError
 from updating.inference.fitting import refit as fitted_again
 from updating.inference.problem import Problem
-from updating.inference.unknowns import Uncertain, Unknown, nuisance_unknowns
+from updating.inference.unknowns import Uncertain, Unknown
 from updating.inference.updated import Ending, Updated
 
 Floats = NDArray[np.float64]
@@ -84,7 +84,7 @@ class BootstrapModel:
     def _nuisances(self, rng: np.random.Generator) -> tuple[Uncertain, ...]:
         """Return the uncertain parameters with priors about values drawn about the fitted ones."""
         problem, values = self.problem, self.updated.fitted.values
-        scaled = nuisance_unknowns(problem.reduced.model, problem.nuisances)
+        scaled = problem.nuisance_unknowns
         out = []
         for u in scaled:
             x = float(np.clip(u.to_x(values[u.ref]), u.low, u.high))

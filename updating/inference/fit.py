@@ -28,7 +28,6 @@ from updating.inference.mode_fit import ComputedModes
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.problem import Problem
 from updating.inference.scatter import form_scatter
-from updating.inference.unknowns import nuisance_unknowns
 from updating.least_squares.loss import pseudo_huber
 from updating.measurement.measurement import Measurement
 
@@ -198,8 +197,7 @@ class FitProblem(FrfInputs, Problem[FitData]):
 
     def strains(self, result: FitResult) -> dict[ParameterRef, float]:
         """Return how far nuisance parameters lie from their nominal values, in prior standard deviations."""
-        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
-        known = ((v, v.to_x(result.values[v.ref])) for v in variables if v.ref in result.values)
+        known = ((v, v.to_x(result.values[v.ref])) for v in self.nuisance_unknowns if v.ref in result.values)
         return {v.ref: (x - v.mean) / v.std for v, x in known if v.has_prior}
 
     def assessed(self, result: FitResult, H: NDArray[np.complex128] | None = None) -> FitResult:

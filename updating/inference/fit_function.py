@@ -19,6 +19,7 @@ from updating.inference.marginal import Quadratic
 from updating.inference.solve import TOLERANCE, Prior, Report, Residual, Solution, solve_robust
 from updating.inference.unknowns import ScaledUnknown, values_at
 from updating.least_squares.costs import Costs
+from updating.least_squares.jacobian import DenseJacobian, Jacobian
 from updating.least_squares.loss import pseudo_huber
 
 ROBUST = 0.5
@@ -84,6 +85,12 @@ class FitFunction(ABC, Generic[P]):
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the weighted residuals, (m,), and their Jacobian, (n, m), if asked."""
+
+    def linearised(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], Jacobian]:
+        """Return the weighted residuals, (m,), and their Jacobian."""
+        r, J = self(x, True)
+        assert J is not None
+        return r, DenseJacobian(J)
 
     @property
     @abstractmethod
@@ -236,8 +243,7 @@ class FitFunction(ABC, Generic[P]):
 
     def quadratic(self, x: NDArray[np.float64], levels: Costs) -> Quadratic:
         """Return the mean squares of all groups near x as quadratic functions of the unknowns' changes."""
-        r, J = self(x, True)
-        assert J is not None
+        r, J = self.linearised(x)
         n_apart = 0 if self.scatter is None else self.scatter.n_channels
         return Quadratic.of(r, J, np.unique(self.groups, return_inverse=True)[1], ROBUST, levels, n_apart)
 
@@ -278,6 +284,7 @@ class FitFunction(ABC, Generic[P]):
             (limits[:, 0], limits[:, 1]),
             levels=self.levels(stage, counted_as),
             groups=self.groups,
+            linearised=self.linearised,
             robust=ROBUST,
             max_iterations=max_iterations,
             tolerance=tolerance,

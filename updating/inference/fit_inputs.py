@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect
+from fem.recent import Unsent
 from fem.reduction.reduced_model import ReducedModel
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
@@ -77,6 +78,14 @@ class FitInputs(ABC, Generic[D]):
     model_error: float = EXPLAINED_LEVEL
     mesh_level: float = 0.0
     scatter: FormScatter | None = None
+    # Copies of a problem have the same model and nuisances, and each fit asks for their unknowns.
+    _unknowns: Unsent = field(default_factory=lambda: Unsent(2), repr=False)
+
+    @property
+    def nuisance_unknowns(self) -> tuple[ScaledUnknown, ...]:
+        """The unknowns of all nuisances, in their order."""
+        model, nuisances = self.reduced.model, self.nuisances
+        return self._unknowns.get((model, nuisances), lambda: nuisance_unknowns(model, nuisances))
 
     @abstractmethod
     def surroundings(self, key: tuple[str, str]) -> float:
@@ -90,14 +99,13 @@ class FitInputs(ABC, Generic[D]):
     ) -> tuple[tuple[ScaledUnknown, ...], Floats]:
         """Return the variables with some effects, and where all unknowns but small deviations start."""
         fixed = {ref for e in effects for ref in e.replaces()}
-        varying = [n for n in self.nuisances if not fixed.intersection(n.refs)]
-        nuisance = nuisance_unknowns(self.reduced.model, varying)
+        nuisance = (v for v in self.nuisance_unknowns if not fixed.intersection(v.refs))
         variables = (*nuisance, *effect_unknowns(effects, starts))
         return variables, np.concatenate([[v.start for v in variables], np.log(self.damping.start)])
 
     def nominal(self) -> FitResult:
         """Return the model as it was given, unfitted."""
-        variables = nuisance_unknowns(self.reduced.model, self.nuisances)
+        variables = self.nuisance_unknowns
         n = len(variables)
         empty = Solution(np.zeros(n), np.nan, np.nan, 0, True, np.zeros((n, n)))
         values = {

@@ -34,6 +34,7 @@ N_PASSES = 3
 """So often small deviations are fitted again at most, where another size than the next one is best."""
 FLAT = 1e3
 """Standard deviation of an unknown without a prior, for the evidence [-]."""
+FEW: dict[str, Any] = {"n_lines": QUICK_LINES, "tolerance": QUICK_NATS}
 Watch = Callable[[FitFunction, float], Report]
 """Gives what is called after each step, for a function of lines up to a frequency [Hz]."""
 RANKED = ((2, 6), (6, 2))
@@ -101,15 +102,13 @@ def null_fit(problem: Problem[Any], *, n_lines: int = FULL_LINES, counted_as: in
     """Return the fit of everything that is uncertain, to nothing added.
 
     From where a fit band by band ends, with its damping and with one that is even over frequency, and from
-    where one to damped FRFs does, which converges from far away.
+    where one to damped FRFs does, which converges from far away. Few lines tell which is best.
     """
     banded, far = fit(problem, n_lines=QUICK_LINES, counted_as=0), far_fit(problem)
     ways = [banded, problem.with_even_damping(banded), *([far] if far else [])]
-    nulls = [
-        fit(problem, stages=problem.stages[-1:], x_from=near, n_lines=n_lines, counted_as=counted_as)
-        for near in ways
-    ]
-    return max(nulls, key=lambda r: r.log_evidence)
+    last: dict[str, Any] = {"stages": problem.stages[-1:], "counted_as": counted_as}
+    best = max((fit(problem, x_from=near, **last, **FEW) for near in ways), key=lambda r: r.log_evidence)
+    return fit(problem, x_from=best, n_lines=n_lines, **last)
 
 
 def far_fit(problem: Problem[Any]) -> FitResult | None:
@@ -120,8 +119,8 @@ def far_fit(problem: Problem[Any]) -> FitResult | None:
     for share in DECAYS:
         damped_problem = frfs.at(share)
         if damped_problem is not None:
-            how: dict[str, Any] = {"n_lines": QUICK_LINES, "counted_as": 0, "tolerance": QUICK_NATS}
-            near = fit(damped_problem, stages=damped_problem.stages[-1:], x_from=near, **how)
+            stages = damped_problem.stages[-1:]
+            near = fit(damped_problem, stages=stages, counted_as=0, x_from=near, **FEW)
     return near
 
 
@@ -213,11 +212,11 @@ def fit_given(
         for s in e.starts(problem.surroundings)
     ]
     for steps, kept in RANKED if starts else ():
-        quick: dict[str, Any] = {"n_lines": QUICK_LINES, "max_iterations": steps, "tolerance": QUICK_NATS}
         tried = []
         for values, near in starts:
             with suppress(np.linalg.LinAlgError):  # no structure: more mass taken away than there is
-                tried.append(fit(problem, effects, values, stages=problem.stages[-1:], x_from=near, **quick))
+                way: dict[str, Any] = {"stages": problem.stages[-1:], "max_iterations": steps, "x_from": near}
+                tried.append(fit(problem, effects, values, **way, **FEW))
         tried.sort(key=lambda r: -r.log_evidence)
         starts = [([parameter_values(e) for e in r.effects], r) for r in tried[:kept]]
     fits += [refit(problem, near, **how) for _, near in starts if near is not None]

@@ -17,9 +17,10 @@ from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import Errors, FitFunction
 from updating.inference.fit_result import FitResult
 from updating.inference.frf_inputs import FrfInputs
+from updating.inference.frf_jacobian import FrfJacobian
 from updating.inference.heartbeat import beat
 from updating.inference.solve import Solution
-from updating.inference.unknowns import by_unknowns, values_at
+from updating.inference.unknowns import values_at
 from updating.least_squares.costs import Costs
 
 
@@ -28,7 +29,7 @@ class FrfFunction(FitFunction[FrfInputs]):
     """Weighted ln(computed / measured) of FRFs at some lines, as a function of all that varies."""
 
     # The end of a fit is asked for again.
-    _end: tuple[bytes, NDArray[np.complex128], NDArray[np.complex128]] | None = field(
+    _end: tuple[bytes, NDArray[np.complex128], FrfJacobian] | None = field(
         default=None, init=False, repr=False
     )
 
@@ -67,42 +68,52 @@ class FrfFunction(FitFunction[FrfInputs]):
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
         """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
-        at = x.tobytes()
-        if self._end is not None and self._end[0] == at:
-            return self._end[1:]
-        r, J = self._evaluated(x, gradient)
-        if J is not None:
-            self._end = at, r, J
-        return r, J
-
-    def _evaluated(
-        self, x: NDArray[np.float64], gradient: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+        if gradient:
+            r, jacobian = self.linearised(x)
+            return r, jacobian.dense()
+        if self._end is not None and self._end[0] == x.tobytes():
+            return self._end[1], None
         beat()
-        keep, weight = self.keep, self.problem.data.weight[self.lines]
+        return self._residuals(self._engine.evaluate(*self._at(x), gradient=False)[0]), None
+
+    def linearised(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], FrfJacobian]:
+        """Return the residuals, (m,), and their Jacobian."""
+        at = x.tobytes()
+        if self._end is None or self._end[0] != at:
+            beat()
+            self._end = at, *self._derived(x)
+        return self._end[1:]
+
+    def _derived(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], FrfJacobian]:
+        (parameters, *_), (hats, _), (values, zeta) = self._parts, self._damping, self._at(x)
+        slopes = [v.slopes(xi) for v, xi in zip(self.variables, x[parameters], strict=True)]
+        H, dH = self._engine.slopes_of(values, zeta, np.concatenate([*slopes, self._scatter_std]))
+        weight = self.problem.data.weight[self.lines]
+        by_damping = np.moveaxis(zeta[..., None] * hats, -1, -2).astype(np.float32)
+        return self._residuals(H), FrfJacobian(
+            dH,
+            np.cumsum([0, *map(len, slopes)], dtype=np.int64)[:-1],
+            len(values) - len(self._scatter_std),
+            by_damping.reshape(-1, *by_damping.shape[-2:]),
+            np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0),
+            self.keep,
+            self.problem.data.phase,
+        )
+
+    def _residuals(self, H: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the weighted ln(computed / measured) of receptances, (m,)."""
+        r = self.problem.data.weight[self.lines] * log_ratio(H, self._measured)
+        return self.problem.data.seen(np.nan_to_num(r, nan=0.0)[self.keep])
+
+    def _at(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the values of all parameters and deviations, and the damping ratio at each line."""
         (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
         values = values_at(self.variables, x[parameters])
-        zeta, std = np.exp(hats @ x[damping] + offset), self._scatter_std
-        H, dH, dH_dzeta = self._engine.evaluate(np.append(values, std * x[scatter]), zeta, gradient)
-        r = np.nan_to_num(weight * log_ratio(H, self._measured), nan=0.0)[keep]
-        r = self.problem.data.seen(r)
-        if not gradient or dH is None or dH_dzeta is None:
-            return r, None
-        per = np.where(H != 0, weight / np.where(H != 0, H, 1.0), 0.0)[keep]
-        n = len(values)
-        J = np.empty((len(x), r.size), dtype=complex)
-        J[parameters] = by_unknowns(self.variables, x[parameters], dH[:n][:, keep])
-        J[damping] = by_damping(zeta, hats, dH_dzeta)[:, keep]
-        J[scatter] = dH[n:][:, keep] * std[:, None]
-        J *= per
-        return r, self.problem.data.seen(J)
+        return np.append(values, self._scatter_std * x[scatter]), np.exp(hats @ x[damping] + offset)
 
     def receptance(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the receptances at the lines as the sensors read them, (n_lines, n_out, n_in)."""
-        (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
-        at = np.append(values_at(self.variables, x[parameters]), self._scatter_std * x[scatter])
-        H, _, _ = self._engine.evaluate(at, np.exp(hats @ x[damping] + offset), gradient=False)
-        return H
+        return self._engine.evaluate(*self._at(x), gradient=False)[0]
 
     def anchor(self, x: NDArray[np.float64]) -> None:
         """Prepare :meth:`receptance` for many x that differ from this one in few variables."""
@@ -171,23 +182,3 @@ class FrfFunction(FitFunction[FrfInputs]):
             channels=known.errors(solution.x[n:], n_ends),
             channels_std=known.deviations(covariance[n:, n:], n_ends),
         )
-
-
-def by_damping(
-    zeta: NDArray[np.float64], hats: NDArray[np.float64], by_zeta: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return derivatives by the logarithms of a damping curve's unknowns from those by ζ at each line.
-
-    Parameters
-    ----------
-    zeta : ndarray (n_freq,) or (2, n_freq)
-        As of :meth:`updating.inference.parameters.DampingCurve.ratio` [-].
-    hats : ndarray (n_freq, n_unknowns) or (2, n_freq, n_unknowns)
-    by_zeta : ndarray (n_freq, n_out, n_in) or (2, n_freq, n_out, n_in)
-
-    Returns
-    -------
-    ndarray (n_unknowns, n_freq, n_out, n_in)
-    """
-    weight = np.moveaxis(zeta[..., None] * hats, -1, 0)[..., None, None]
-    return weight * by_zeta if zeta.ndim == 1 else weight[:, 0] * by_zeta[0] + weight[:, 1] * by_zeta[1]

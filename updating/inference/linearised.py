@@ -11,6 +11,7 @@ from updating.inference.fitting import FLAT
 from updating.inference.marginal import Quadratic
 from updating.inference.solve import Prior
 from updating.least_squares.costs import Costs
+from updating.least_squares.jacobian import DenseJacobian
 from updating.least_squares.loss import pseudo_huber_weight
 
 Floats = NDArray[np.float64]
@@ -113,7 +114,7 @@ def marginal_density(
         at = x.copy()
         at[rows] = part
         r, _ = function(at, False)
-        near = Quadratic.of(r, slopes, member, ROBUST, levels)
+        near = Quadratic.of(r, DenseJacobian(slopes), member, ROBUST, levels)
         change = near.settled(x[others] - mean, std).change if others.size else np.zeros(0)
         at[others] += change
         return -levels.cost(near.at(change)) - prior.cost(at)

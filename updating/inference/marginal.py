@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.least_squares.costs import Costs
+from updating.least_squares.jacobian import Jacobian
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 Floats = NDArray[np.float64]
@@ -79,22 +80,15 @@ class Quadratic:
     def of(
         cls,
         r: Complexes,
-        J: Complexes,
+        J: Jacobian,
         member: NDArray[np.int64],
         robust: float,
         levels: Costs,
         n_apart: int = 0,
     ) -> "Quadratic":
-        """Make it of residuals (m,), their Jacobian (n, m) and the group of each."""
-        huber, n_groups = pseudo_huber_weight(r, robust), int(member.max()) + 1
+        """Make it of residuals (m,), their Jacobian and the group of each."""
         size = np.bincount(member)
-        slopes, curvatures = np.empty((n_groups, len(J))), np.empty((n_groups, len(J), len(J)))
-        for g in range(n_groups):
-            in_group = member == g
-            parts = np.hstack([J.real[:, in_group], J.imag[:, in_group]])
-            weighted = parts * np.tile(huber[in_group] / size[g], 2)
-            slopes[g] = weighted @ np.concatenate([r.real[in_group], r.imag[in_group]])
-            curvatures[g] = weighted @ parts.T
+        slopes, curvatures = J.products(r, pseudo_huber_weight(r, robust) / size[member], member)
         return cls(levels, np.bincount(member, pseudo_huber(r, robust)) / size, slopes, curvatures, n_apart)
 
     def at(self, change: Floats) -> Floats:

@@ -5,18 +5,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import dsyrk
 
 from fem.summary import fields_summary
 from updating.least_squares.costs import Costs
+from updating.least_squares.jacobian import DenseJacobian, Jacobian
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 Residual = Callable[[NDArray[np.float64], bool], tuple[NDArray[np.complex128], NDArray[np.complex128] | None]]
-
+Linearised = Callable[[NDArray[np.float64]], tuple[NDArray[np.complex128], Jacobian]]
 
 ROUNDING = 1e-7
 """Change of the data by one unit of an unknown that is put down to rounding [standard deviations]."""
+MOST_MADE = 3
+"""Number of points in a row that may share derivatives."""
 TOLERANCE = 5e-3
 """A fit ends when a step gains less [nats]."""
 
@@ -99,6 +101,7 @@ def solve_robust(
     *,
     levels: Costs,
     groups: NDArray[np.int64] | None = None,
+    linearised: Linearised | None = None,
     robust: float = 0.5,
     max_iterations: int = 20,
     tolerance: float = TOLERANCE,
@@ -127,6 +130,8 @@ def solve_robust(
         Cost of the groups' mean squares, in the order of the groups' numbers.
     groups : ndarray of int (m,), optional
         Group of each residual; all in one unless given. Groups count by their size.
+    linearised : callable, optional
+        Gives r and its :class:`updating.least_squares.jacobian.Jacobian` where that is not a dense array.
     robust : float
         c, where the loss turns from quadratic to linear.
     max_iterations : int
@@ -140,10 +145,16 @@ def solve_robust(
     """
     lo, hi = bounds
     x = np.clip(x0, lo, hi)
-    r, J = residual(x, True)
-    assert J is not None
+
+    def dense(x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], Jacobian]:
+        r, J = residual(x, True)
+        assert J is not None
+        return r, DenseJacobian(J)
+
+    r, J = (linearised or dense)(x)
     member = np.zeros(len(r), dtype=np.int64) if groups is None else np.unique(groups, return_inverse=True)[1]
-    posterior = _Posterior(residual, prior, levels, member, np.bincount(member), robust)
+    size = np.bincount(member)
+    posterior = _Posterior(residual, linearised or dense, prior, levels, member, size, robust)
     control = Control(
         reach=lambda x: max_step * np.where(relative, np.maximum(1.0, np.abs(x)), 1.0),
         promised_gain=Tolerance(tolerance),
@@ -166,12 +177,28 @@ def solve_robust(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Point:
-    """Unknowns, their cost, and the robust mean square of each group; residuals and Jacobian if at hand."""
+    """Unknowns, their cost, the robust mean square of each group, residuals; their Jacobian if at hand."""
 
     x: NDArray[np.float64]
     cost: float
     misfit: NDArray[np.float64]
-    derived: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
+    r: NDArray[np.complex128]
+    jacobian: Jacobian | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Derived(Linearisation):
+    """The quadratic model with the derivatives of which it was made, for the n-th time."""
+
+    posterior: "_Posterior"
+    jacobian: Jacobian
+    n_made: int
+
+    def again(self, point: _Point) -> "_Derived | None":
+        """Return the model at a point near by, with the residuals and weights there."""
+        if self.n_made == MOST_MADE:
+            return None
+        return self.posterior.with_derivatives(point, self.jacobian, self.n_made + 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,6 +206,7 @@ class _Posterior:
     """The negative log posterior that :func:`solve_robust` minimises."""
 
     residual: Residual
+    derived: Linearised
     prior: Prior
     levels: Costs
     member: NDArray[np.int64]  # group of each residual
@@ -186,15 +214,11 @@ class _Posterior:
     robust: float
 
     def point(
-        self,
-        x: NDArray[np.float64],
-        r: NDArray[np.complex128],
-        J: NDArray[np.complex128] | None = None,
+        self, x: NDArray[np.float64], r: NDArray[np.complex128], jacobian: Jacobian | None = None
     ) -> _Point:
         """Return the cost of residuals."""
         misfit = np.bincount(self.member, pseudo_huber(r, self.robust), minlength=len(self.size)) / self.size
-        cost = self.levels.cost(misfit) + self.prior.cost(x)
-        return _Point(x, cost, misfit, None if J is None else (r, J))
+        return _Point(x, self.levels.cost(misfit) + self.prior.cost(x), misfit, r, jacobian)
 
     def at(self, x: NDArray[np.float64], near: _Point) -> _Point | None:
         try:
@@ -202,28 +226,17 @@ class _Posterior:
         except np.linalg.LinAlgError:  # no structure: more mass taken away than there is
             return None
 
-    def linearised(self, point: _Point) -> Linearisation:
-        r, J = self.residual(point.x, True) if point.derived is None else point.derived
-        assert J is not None
-        g, A = self.normal(r, J, self.worth(point.misfit))
+    def linearised(self, point: _Point) -> _Derived:
+        return self.with_derivatives(point, point.jacobian or self.derived(point.x)[1], 1)
+
+    def with_derivatives(self, point: _Point, jacobian: Jacobian, n_made: int) -> _Derived:
+        """Return the quadratic model at a point with derivatives of there or near by."""
+        weight = self.levels.weight(point.misfit) / self.size
+        weight = weight[self.member] * pseudo_huber_weight(point.r, self.robust)
+        (g,), (A,) = jacobian.products(point.r, weight)
         g = g + self.prior.slope(point.x)
+        A += self.prior.information
         # What neither data nor priors hold would follow rounding.
         free = ~np.isfinite(self.prior.std) & (np.diag(A) < ROUNDING**2)
         g[free] = A[free] = A[:, free] = 0.0
-        return Linearisation(g, A)
-
-    def worth(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return by how much half the square of a residual of each group counts, (n_groups,)."""
-        return self.levels.weight(misfit) / self.size
-
-    def normal(
-        self, r: NDArray[np.complex128], J: NDArray[np.complex128], worth: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return Σ w J r, and the normal equations' matrix with the prior's."""
-        w = worth[self.member] * pseudo_huber_weight(r, self.robust)
-        root = np.sqrt(w)
-        flat = np.hstack([J.real * root, J.imag * root])
-        A = dsyrk(1.0, flat.T, trans=1)  # the upper half of a symmetric product
-        A = A + np.triu(A, 1).T
-        A += self.prior.information
-        return flat @ np.concatenate([root * r.real, root * r.imag]), A
+        return _Derived(g, A, self, jacobian, n_made)

@@ -17,13 +17,15 @@ Nor has it limits of steps for each unknown, or trials that fail. It is used whe
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+KEPT_PROMISE = 0.75, 1.33
+"""Gain of a step over that of the quadratic model, between which its derivatives may serve the next step."""
 LARGEST_DAMPING = 1e8
 """Damping beyond which steps are too short to change anything [-]."""
 
@@ -59,6 +61,10 @@ class Linearisation:
     def gain(self, step: Floats) -> float:
         """Return by how much a step lowers the model of the cost."""
         return -float(self.gradient @ step + 0.5 * step @ self.matrix @ step)
+
+    def again(self, point: Any) -> Self | None:
+        """Return the model at a point near by with the same derivatives; None where they are not kept."""
+        return None
 
     def among(self, free: NDArray[np.bool_]) -> Floats:
         """Return the matrix of those unknowns that may move."""
@@ -247,7 +253,9 @@ def minimise(
         if gain < control.actual_gain.of(point.cost) and not cut and not crossed:
             return Minimum(point, linear, Stop.CONVERGED, iteration)
         if iteration < control.max_iterations:
-            linear = objective.linearised(point)
+            low_ratio, high_ratio = KEPT_PROMISE
+            again = linear.again(point) if low_ratio * expected < gain < high_ratio * expected else None
+            linear = objective.linearised(point) if again is None else again
     return Minimum(point, linear, Stop.OUT_OF_ITERATIONS, control.max_iterations)
 
 
