@@ -355,11 +355,13 @@ class ModeReading:
 
 
 def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -> Matched:
-    """Return the computed partners of some measured modes."""
+    """Return the computed partners of some measured modes.
+
+    A fit that believes every reading may leave one without a partner, too: in its place all modes above it
+    would have the wrong ones.
+    """
     some, pairs = _some_of(problem.targets, modes), at.pairs(0)
-    return match(
-        some, pairs.frequency, pairs.shapes, problem.seen(at), problem.spread[modes], problem.bad_prior
-    )
+    return match(some, pairs.frequency, pairs.shapes, problem.seen(at), problem.spread[modes], BAD_PRIOR)
 
 
 def _some_of(targets: ModeTargets, modes: NDArray[np.int64]) -> ModeTargets:
@@ -377,7 +379,7 @@ def _partners_in(problem: ModeProblem, stack: ModeStack, modes: NDArray[np.int64
     vectors, lam = stack.columns @ stack.vectors, stack.eigenvalues
     seen = visible_modes(problem.reduced, problem.targets, problem.mass, lam, stack.n_rigid, vectors)
     some, spread = _some_of(problem.targets, modes), problem.spread[modes]
-    return match_each(some, frequency_of(lam), stack.shapes, seen, spread, problem.bad_prior).partner
+    return match_each(some, frequency_of(lam), stack.shapes, seen, spread, BAD_PRIOR).partner
 
 
 def n_below(problem: ModeProblem) -> int:
@@ -625,7 +627,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         return self._residuals(lam[None], shaped)[0], found
 
     def residuals_in(self, stack: ModeStack) -> Complexes:
-        """Return the weighted residuals of each of several models, (k, m); NaN where there is no structure."""
+        """Return the weighted residuals of k models, (k, m); NaN where there is no structure."""
         partner = _partners_in(self.problem, stack, self.lines)
         lam, x = stack.damped(partner)
         shaped = None
@@ -742,7 +744,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         lost = np.ones(size, dtype=bool)
         lost[rows] = False
         scale = np.tile(np.sqrt(known.sum(axis=1)) * std.min() / std, size[0])
-        out = ShapeResiduals.of(every.reshape(psi.shape), psi, B.reshape(-1, *B.shape[2:]), scale)
+        out = ShapeResiduals.of(every.reshape(psi.shape), psi, B.reshape(len(psi), *B.shape[2:]), scale)
         away = np.sqrt(1 - LEAST_MAC) * np.tile(std.min() / std, size[0])
         return replace(out, residuals=np.where(lost.reshape(-1, 1), away[:, None], out.residuals))
 
@@ -817,10 +819,15 @@ class ModeFunction(FitFunction[ModeProblem]):
         )
 
     def result(self, solution: Solution) -> FitResult:
-        """Return a solution as values with standard deviations; the level is that of frequencies [-]."""
+        """Return a solution as values with standard deviations.
+
+        The level is that of the frequencies which seem to be the model's [-]: one that is not, says nothing
+        of how near the model is to the data.
+        """
         out = super().result(solution)
-        r, _ = self(solution.x, False)
-        return replace(out, level=float(np.sqrt(pseudo_huber(r[: self._sizes[0]], ROBUST).mean())))
+        levels, v = self.levels(), self.misfit(solution.x)
+        belong = (levels.kind == FREQUENCY) * (1 - levels.is_bad(v))
+        return replace(out, level=float(np.sqrt(belong @ v / max(belong.sum(), 1e-12))))
 
 
 def start_of(effects: Sequence[Effect]) -> list[dict[str, float]]:
