@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,18 @@ FIRST_ORDER = 0.01
 """Local damping of a mode up to this part of its eigenvalue is followed to the first order [-]."""
 REFINEMENTS = 3
 """Rayleigh quotient iterations for a mode with more; they converge cubically."""
+STACKED = ("K", "M", "C", "D", "connections")
+"""Matrices of a :class:`ModeStack`."""
 LEAST_EIGENVALUE_GAP = 1e-4
 """Eigenvalues nearer than this, relatively, have derivatives of their shapes as if this far apart [-]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+
+
+def frequency_of(eigenvalue: Any) -> Any:
+    """Return natural frequencies by eigenvalues ω², 0 where these are negative [Hz]."""
+    return np.sqrt(np.maximum(eigenvalue, 0.0)) / (2 * np.pi)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +55,7 @@ class Pairs:
     @property
     def frequency(self) -> Floats:
         """Natural frequencies, 0 for rigid bodies and what is unstable [Hz]."""
-        return np.sqrt(np.maximum(self.eigenvalues, 0.0)) / (2 * np.pi)
+        return frequency_of(self.eigenvalues)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +82,57 @@ class DampedMode:
     def zeta(self) -> float:
         """Damping ratio [-]."""
         return float(self.eigenvalue.imag / (2 * max(self.eigenvalue.real, 1e-300)))
+
+
+def n_rigid_of(eigenvalues: Floats, most: int) -> NDArray[np.int64]:
+    """Return how many of the lowest of ``most`` eigenvalues (..., r) are those of rigid bodies.
+
+    There are fewer where something holds the structure.
+    """
+    first_elastic = np.abs(eigenvalues[..., min(most, eigenvalues.shape[-1] - 1)])
+    is_rigid = np.abs(eigenvalues[..., :most]) < 1e-6 * first_elastic[..., None]
+    return np.asarray(is_rigid.sum(axis=-1), dtype=np.int64)
+
+
+def with_strong_damping(
+    A: Complexes, S: Floats, eigenvalues: Floats, modes: NDArray[np.int64]
+) -> tuple[Complexes, Complexes]:
+    """Return eigenvalues (c,) and vectors (c, r) of A, each near an undamped mode.
+
+    The local losses may hold a connection as a stiffness does: the start is the mode of their real part that
+    is most like the undamped one.
+
+    Parameters
+    ----------
+    A : ndarray (c, r, r)
+        Without what is proportional to mass, in the coordinates of the undamped modes.
+    S : ndarray (c, r, r)
+        The imaginary part of the local dynamic stiffness there.
+    eigenvalues : ndarray (c, r)
+        Of the undamped modes.
+    modes : ndarray of int (c,)
+        Which of these.
+    """
+    n, each = np.arange(eigenvalues.shape[1]), np.arange(len(modes))
+    stiff = (S + S.transpose(0, 2, 1)) / 2
+    stiff[:, n, n] += eigenvalues
+    moved, W = np.linalg.eigh(stiff)
+    apart = np.log(np.maximum(moved, 1e-9) / eigenvalues[each, modes][:, None])
+    like = np.abs(W[each, modes]) - np.abs(apart)
+    y: NDArray[Any] = W[each, :, np.argmax(like, axis=1)].astype(complex)
+
+    def quotient(y: NDArray[Any]) -> NDArray[Any]:
+        return (y * (A @ y[:, :, None])[:, :, 0]).sum(axis=1) / (y**2).sum(axis=1)
+
+    for _ in range(REFINEMENTS):
+        shifted = A.copy()
+        shifted[:, n, n] -= quotient(y)[:, None]
+        try:
+            y = np.linalg.solve(shifted, y[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError:  # an eigenvalue to the last digit
+            break
+        y = y / np.sqrt((y**2).sum(axis=1, keepdims=True))
+    return quotient(y), y
 
 
 class ParametricModes:
@@ -213,6 +272,33 @@ class ModesAt:
         total["laws"] = [*total["laws"], *((f(self.omega), P.T @ X @ P) for f, X in term.laws)]
         return ModesAt(self.reduced, self.omega, self._zeta, total, self.outputs, self.columns)
 
+    def with_each(self, terms: Sequence[ReducedTerm]) -> "ModeStack":
+        """Return the modes with each of some terms of one place, which have no laws."""
+        P = self.columns if terms[0].L is None else terms[0].L @ self.columns
+        total = {key: np.repeat(self._total[key][None], len(terms), axis=0) for key in STACKED}
+        for key in "KMCD":
+            for n, term in enumerate(terms):
+                X = getattr(term, key)
+                if X is not None and X.any():
+                    more = P.T @ X @ P
+                    total[key][n] += more
+                    if key == "K" and term.connection:
+                        total["connections"][n] += more
+        n_basis = self.reduced.basis.T.shape[1]
+        return ModeStack(
+            self.reduced,
+            self.omega,
+            (self._members, self._connections, np.broadcast_to(self._mass, self.omega.shape)),
+            total,
+            np.repeat(self.outputs[None], len(terms), axis=0),
+            np.repeat(self.columns[None, :n_basis], len(terms), axis=0),
+        )
+
+    @property
+    def depends_on_frequency(self) -> bool:
+        """Whether any of the matrices does."""
+        return bool(self._total["laws"])
+
     def pairs(self, i: int) -> Pairs:
         """Return all undamped modes, with what depends on frequency at that of the mode asked for."""
         key = i if self._total["laws"] else 0
@@ -225,9 +311,7 @@ class ModesAt:
         for factor, X in self._total["laws"]:
             K = K + float(factor[i].real) * X
         lam, V = sla.eigh(K, self._total["M"], check_finite=False)
-        n_rigid = self.reduced.basis.n_rigid  # fewer where something holds the structure
-        n_rigid = int((np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])).sum())
-        return Pairs(lam, V, self.outputs.T @ V, n_rigid)
+        return Pairs(lam, V, self.outputs.T @ V, int(n_rigid_of(lam, self.reduced.basis.n_rigid)))
 
     def _resisting(self, i: int) -> Floats:
         """Return the imaginary part of the local dynamic stiffness at a frequency."""
@@ -291,26 +375,8 @@ class ModesAt:
         modal = {id(p): self.on(p.vectors) for p in pairs}
         A = np.stack([modal[id(p)]._without_mass(i) for i, p in zip(some.tolist(), pairs, strict=True)])
         S = np.stack([modal[id(p)]._resisting(i) for i, p in zip(some.tolist(), pairs, strict=True)])
-        n = np.arange(lam.shape[1])
-        stiff = (S + S.transpose(0, 2, 1)) / 2
-        stiff[:, n, n] += lam
-        moved, W = np.linalg.eigh(stiff)
-        each, k = np.arange(len(some)), partner[some]
-        like = np.abs(W[each, k]) - np.abs(np.log(np.maximum(moved, 1e-9) / lam[each, k][:, None]))
-        y: NDArray[Any] = W[each, :, np.argmax(like, axis=1)].astype(complex)
-
-        def quotient(y: NDArray[Any]) -> NDArray[Any]:
-            return np.einsum("cr,crs,cs->c", y, A, y) / (y**2).sum(axis=1)
-
-        for _ in range(REFINEMENTS):
-            shifted = A.copy()
-            shifted[:, n, n] -= quotient(y)[:, None]
-            try:
-                y = np.linalg.solve(shifted, y[:, :, None])[:, :, 0]
-            except np.linalg.LinAlgError:  # an eigenvalue to the last digit
-                break
-            y = y / np.sqrt((y**2).sum(axis=1, keepdims=True))
-        values = quotient(y) + self._mass[some]
+        quotients, y = with_strong_damping(A, S, lam, partner[some])
+        values = quotients + self._mass[some]
         return [DampedMode(complex(v), p.vectors @ z) for v, p, z in zip(values, pairs, y, strict=True)]
 
     def slopes(
@@ -377,3 +443,128 @@ class ModesAt:
             return np.array([every])
         by_connections = 2j * complex(x @ self._total["connections"] @ x)
         return np.array([every - by_connections, by_connections])
+
+
+@dataclass(eq=False)
+class ModeStack:
+    """Modes of n sets of matrices on r coordinates each, none of which depends on frequency.
+
+    One call of LAPACK for all costs a third of one for each, and everything behind it a tenth.
+
+    Attributes
+    ----------
+    reduced : ReducedModel
+    omega : ndarray (n_modes,)
+        Angular frequencies of the modes that are asked for [rad/s].
+    damping : tuple of ndarray (n_modes,)
+        Factors of the members' and the connections' stiffness, and of the mass matrix.
+    total : dict
+        K, M, C, D and ``connections``, (n, r, r).
+    outputs : ndarray (n, r, n_out)
+    columns : ndarray (n, r_basis, r)
+        The coordinates as combinations of the basis's columns.
+    """
+
+    reduced: ReducedModel
+    omega: Floats
+    damping: tuple[Complexes, Complexes, Complexes]
+    total: dict[str, Floats]
+    outputs: Floats
+    columns: Floats
+
+    @classmethod
+    def joined(cls, stacks: "Sequence[ModeStack]") -> "ModeStack":
+        """Return stacks on as many coordinates, of one model and one damping, as one."""
+        first = stacks[0]
+        total = {key: np.concatenate([s.total[key] for s in stacks]) for key in STACKED}
+        outputs, columns = (np.concatenate([getattr(s, k) for s in stacks]) for k in ("outputs", "columns"))
+        return cls(first.reduced, first.omega, first.damping, total, outputs, columns)
+
+    @cached_property
+    def _solved(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        K, M, inverse = self.total["K"], self.total["M"], np.zeros_like(self.total["M"])
+        there = np.ones(len(M), dtype=bool)
+        try:
+            inverse = np.linalg.inv(np.linalg.cholesky(M))
+        except np.linalg.LinAlgError:
+            for n, each in enumerate(M):
+                try:
+                    inverse[n] = np.linalg.inv(np.linalg.cholesky(each))
+                except np.linalg.LinAlgError:
+                    there[n] = False
+        there &= np.isfinite(K).all(axis=(1, 2))
+        A = np.where(there[:, None, None], inverse @ K @ inverse.transpose(0, 2, 1), 0.0)
+        lam, Y = np.linalg.eigh(A)
+        return lam, inverse.transpose(0, 2, 1) @ Y, there
+
+    @property
+    def eigenvalues(self) -> Floats:
+        """ω² of the undamped modes, (n, r) [rad²/s²]."""
+        return self._solved[0]
+
+    @property
+    def vectors(self) -> Floats:
+        """Vectors of the undamped modes, (n, r, r)."""
+        return self._solved[1]
+
+    @property
+    def is_structure(self) -> NDArray[np.bool_]:
+        """Whether there is a structure: none where more mass is taken away than there is, (n,)."""
+        return self._solved[2]
+
+    @property
+    def n_rigid(self) -> NDArray[np.int64]:
+        """Number of modes that move as a rigid body, (n,)."""
+        return n_rigid_of(self.eigenvalues, self.reduced.basis.n_rigid)
+
+    @cached_property
+    def shapes(self) -> Floats:
+        """Undamped modes at the outputs, (n, n_out, r)."""
+        return self.outputs.transpose(0, 2, 1) @ self.vectors
+
+    def damped(self, partner: NDArray[np.int64]) -> tuple[Complexes, NDArray[Any]]:
+        """Return the eigenvalues (n, n_modes) and vectors (n, n_modes, r) of modes with their damping.
+
+        As :meth:`ModesAt.damped`. NaN and 0 where there is none.
+
+        Parameters
+        ----------
+        partner : ndarray of int (n, n_modes)
+            Their numbers, -1 for none.
+        """
+        members, connections, mass = self.damping
+        there, k = partner >= 0, np.maximum(partner, 0)
+        x = np.take_along_axis(self.vectors, k[:, None], axis=2)
+        lam = np.take_along_axis(self.eigenvalues, k, axis=1)
+
+        def of(key: str) -> Floats:
+            return (x * (self.total[key] @ x)).sum(axis=1)
+
+        first = members * lam + mass
+        if (connections != members).any():
+            first = first + (connections - members) * of("connections")
+        out = np.where(there[:, None], x, 0.0).transpose(0, 2, 1)
+        if any(self.total[key].any() for key in "CD"):
+            resisting = self.omega * of("C") + of("D")
+            first = first + 1j * resisting
+            a, i = np.nonzero(there & (np.abs(resisting) > FIRST_ORDER * np.maximum(lam, 1e-300)))
+            if len(a):
+                values, moved = self._followed(a, i, k[a, i])
+                out = out.astype(complex)
+                first[a, i], out[a, i] = values, moved
+        return np.where(there, first, np.nan), out
+
+    def _followed(
+        self, a: NDArray[np.int64], i: NDArray[np.int64], k: NDArray[np.int64]
+    ) -> tuple[Complexes, Complexes]:
+        """Return modes k of sets a with strong local damping at frequencies i."""
+        members, connections, mass = self.damping
+        some, row = np.unique(a, return_inverse=True)
+        V = self.vectors[some]
+        modal = {key: V.transpose(0, 2, 1) @ self.total[key][some] @ V for key in ("C", "D", "connections")}
+        S = self.omega[i][:, None, None] * modal["C"][row] + modal["D"][row]
+        A = (connections - members)[i][:, None, None] * modal["connections"][row] + 1j * S
+        n = np.arange(V.shape[2])
+        A[:, n, n] += members[i][:, None] * self.eigenvalues[a]
+        values, y = with_strong_damping(A, S, self.eigenvalues[a], k)
+        return values + mass[i], (V[row] @ y[:, :, None])[:, :, 0]

@@ -76,7 +76,7 @@ def test_a_hinge_turns_what_has_mass_beside_any_modulus(softer):
         grid = replace(grid, points=grid.points[-3:])
         terms = candidate_terms(problem, base, grid)
         for point, term in zip(grid.points, terms, strict=True):
-            at, term = changes._with_lacking(changes.around((), term), term)
+            at, (term,) = changes._with_lacking(changes.around((), term), [term])
             found = at.with_term(term).pairs(0).frequency[:6]
             true = solve_modes(assemble(there.with_effect(hinge.with_values(**point))), 6).frequency
             np.testing.assert_allclose(found, true, rtol=0.02)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Effect, parameter_values
-from fem.reduction.parametric_modes import DampedMode, ModesAt
+from fem.reduction.parametric_modes import DampedMode, ModesAt, ModeStack
 from fem.reduction.terms import ReducedTerm, motions_of
 from updating.inference.fit_result import FitResult
 from updating.inference.residual_changes import Complexes, Floats, ResidualChanges
@@ -100,18 +100,28 @@ class ModeChanges(ResidualChanges):
 
     def by_terms(self, released: Sequence[tuple[str, str]], terms: Sequence[ReducedTerm]) -> Complexes:
         """Return the changes by terms added to the matrices, (n, m); NaN where there is no structure."""
-        released, around = tuple(released), dict[Any, ModesAt]()
-        met = dict[int, Any]()
-        for n, term in enumerate(terms):
-            if term.place not in around:
-                around[term.place] = self.around(released, term)
-            larger, term = self._with_lacking(around[term.place], term)
-            with suppress(np.linalg.LinAlgError, ValueError):  # no structure
-                met[n] = self.function.met(larger.with_term(term))
         out = np.full((len(terms), len(self.now)), np.nan, dtype=complex)
-        if met:
-            out[list(met)] = self.function.residuals_of(list(met.values())) - self.now
-        return out
+        places = dict[Any, list[int]]()
+        for n, term in enumerate(terms):
+            places.setdefault((term.place, bool(term.laws)), []).append(n)
+        stacks = dict[tuple[int, ...], list[tuple[list[int], ModeStack]]]()
+        for some in places.values():
+            here = [terms[n] for n in some]
+            try:
+                at, here = self._with_lacking(self.around(tuple(released), here[0]), here)
+            except (np.linalg.LinAlgError, ValueError):  # no structure
+                continue
+            if here[0].laws or at.depends_on_frequency:
+                for n, term in zip(some, here, strict=True):
+                    with suppress(np.linalg.LinAlgError, ValueError):
+                        out[n] = self.function.residuals(at.with_term(term))[0]
+                continue
+            stack = at.with_each(here)
+            stacks.setdefault(stack.columns.shape[1:], []).append((some, stack))
+        for alike in stacks.values():
+            together = ModeStack.joined([stack for _, stack in alike])
+            out[[n for some, _ in alike for n in some]] = self.function.residuals_in(together)
+        return out - self.now
 
     def _restricted(self, term: ReducedTerm) -> ReducedTerm:
         P = self.modes.columns
@@ -146,20 +156,20 @@ class ModeChanges(ResidualChanges):
         still = vectors[:, high] @ ((vectors[:, high].T @ forces) / lam[high, None])
         return at.on(np.hstack([V, _independent_columns(still)]))
 
-    def _with_lacking(self, at: ModesAt, term: ReducedTerm) -> tuple[ModesAt, ReducedTerm]:
-        """Return modes and a term on a basis that has the responses to the term's forces as well.
+    def _with_lacking(self, at: ModesAt, terms: Sequence[ReducedTerm]) -> tuple[ModesAt, list[ReducedTerm]]:
+        """Return modes and terms of one place on a basis that has the responses to their forces as well.
 
         What a hinge lets turn has mass: with the flexibility alone it would turn too late.
         """
-        if term.L is None or term.dofs is None or term.K is None or not term.K.any() or term.laws:
-            return at, term
-        lacking = self.problem.reduced.lacking(term.dofs, motions_of([term.K])[0])
+        first, stiff = terms[0], [t.K for t in terms if t.K is not None and t.K.any()]
+        if first.L is None or first.dofs is None or not stiff or first.laws:
+            return at, list(terms)
+        lacking = self.problem.reduced.lacking(first.dofs, motions_of(stiff)[0])
         if lacking is None:
-            return at, term
-        return (
-            at.with_lacking(lacking, term.stiffer, self._heavier),
-            replace(term, L=np.hstack([term.L, lacking.motion])),
-        )
+            return at, list(terms)
+        wider = np.hstack([first.L, lacking.motion])
+        larger = at.with_lacking(lacking, first.stiffer, self._heavier)
+        return larger, [replace(term, L=wider) for term in terms]
 
     @cached_property
     def _heavier(self) -> float:

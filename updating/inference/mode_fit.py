@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.modes import n_unstable, solve_eigenpairs
 from fem.model import Effect, ParameterRef, parameter_values
-from fem.reduction.parametric_modes import DampedMode, ModesAt, ParametricModes
+from fem.reduction.parametric_modes import DampedMode, ModesAt, ModeStack, ParametricModes, frequency_of
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import ReducedTerm
 from fem.system import assemble
@@ -34,6 +34,7 @@ from updating.inference.mode_targets import (
     Matched,
     ModeTargets,
     match,
+    match_each,
 )
 from updating.inference.problem import Problem
 from updating.inference.solve import Solution
@@ -180,14 +181,19 @@ class ModeProblem(Problem[ModeTargets]):
         return ParametricModes(self.reduced, self.outputs(), f, refs, effects, release, carried)
 
     def outputs(self) -> Floats:
-        """Return the motions of the sensors by the basis's columns, (r, n_out)."""
+        """Return the motions of the sensors by the basis's columns, (r, n_out); none without shapes."""
         sensors = self.targets.sensors
         out = self.reduced.projected(sensors, partial(sensor_vectors, self.reduced.model, sensors))[1]
+        if not self.targets.has_shapes:
+            return out[:, :0]
         return out if self.carried is None else out + self.carried.outputs(self.reduced)
 
     def seen(self, at: ModesAt) -> NDArray[np.bool_]:
         """Return which computed modes the test could have measured."""
-        return visible_modes(self.reduced, self.targets, self.mass, at)
+        pairs, n_basis = at.pairs(0), self.reduced.basis.T.shape[1]
+        vectors = at.columns[:n_basis] @ pairs.vectors
+        one = pairs.eigenvalues[None], np.array([pairs.n_rigid]), vectors[None]
+        return visible_modes(self.reduced, self.targets, self.mass, *one)[0]
 
     def function(
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
@@ -353,18 +359,31 @@ class ModeReading:
 
 
 def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -> Matched:
-    """Return the computed partners of some measured modes."""
-    t = problem.targets
-    some = replace(
-        t,
-        frequency=t.frequency[modes],
-        shapes=t.shapes[:, modes],
-        numbers=None if t.numbers is None else t.numbers[modes],
+    """Return the computed partners of some measured modes.
+
+    A fit that believes every reading may leave one without a partner, too: in its place all modes above it
+    would have the wrong ones.
+    """
+    some, pairs = _some_of(problem.targets, modes), at.pairs(0)
+    return match(some, pairs.frequency, pairs.shapes, problem.seen(at), problem.spread[modes], BAD_PRIOR)
+
+
+def _some_of(targets: ModeTargets, modes: NDArray[np.int64]) -> ModeTargets:
+    """Return the frequencies, shapes and numbers of some measured modes."""
+    return replace(
+        targets,
+        frequency=targets.frequency[modes],
+        shapes=targets.shapes[:, modes],
+        numbers=None if targets.numbers is None else targets.numbers[modes],
     )
-    pairs = at.pairs(0)
-    return match(
-        some, pairs.frequency, pairs.shapes, problem.seen(at), problem.spread[modes], problem.bad_prior
-    )
+
+
+def _partners_in(problem: ModeProblem, stack: ModeStack, modes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the computed partners of some measured modes in each of several models, (k, n)."""
+    vectors, lam = stack.columns @ stack.vectors, stack.eigenvalues
+    seen = visible_modes(problem.reduced, problem.targets, problem.mass, lam, stack.n_rigid, vectors)
+    some, spread = _some_of(problem.targets, modes), problem.spread[modes]
+    return match_each(some, frequency_of(lam), stack.shapes, seen, spread, BAD_PRIOR).partner
 
 
 def n_below(problem: ModeProblem) -> int:
@@ -372,22 +391,6 @@ def n_below(problem: ModeProblem) -> int:
     function = problem.function((), (), problem.targets.fitted)
     at = function.modes_at(function.start)
     return int((problem.seen(at) & (at.pairs(0).frequency <= problem.targets.frequency[-1])).sum())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MetModes:
-    """Computed modes that are the partners of n measured ones.
-
-    Attributes
-    ----------
-    found : list
-    phi, B : ndarray (n, n_out), (n, n_out, k)
-        Their shapes and those of other modes that they mix with, as of :class:`ShapeResiduals`.
-    """
-
-    found: Partners
-    phi: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 0)))
-    B: Floats = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -619,33 +622,48 @@ class ModeFunction(FitFunction[ModeProblem]):
 
     def residuals(self, at: ModesAt) -> tuple[Complexes, Partners]:
         """Return the weighted residuals (m,) of computed modes, and which of them are the partners."""
-        met = self.met(at)
-        return self.residuals_of([met])[0], met.found
-
-    def met(self, at: ModesAt) -> MetModes:
-        """Return the computed modes that are the partners of the measured ones."""
         partner = matched_modes(self.problem, at, self.lines).partner
         found: Partners = [
             None if m is None else (i, int(partner[i]), m) for i, m in enumerate(at.damped(partner))
         ]
-        return MetModes(found, *self._shapes(found, at)) if self._data.has_shapes else MetModes(found)
+        lam = np.array([np.nan if m is None else m[2].eigenvalue for m in found], dtype=complex)
+        shaped = self._shapes_met(found, at) if self._data.has_shapes else None
+        return self._residuals(lam[None], shaped)[0], found
 
-    def residuals_of(self, several: Sequence[MetModes]) -> Complexes:
-        """Return the weighted residuals of each of several sets of partners, (n, m)."""
+    def residuals_in(self, stack: ModeStack) -> Complexes:
+        """Return the weighted residuals of k models, (k, m); NaN where there is no structure."""
+        partner = _partners_in(self.problem, stack, self.lines)
+        lam, x = stack.damped(partner)
+        shaped = None
+        if self._data.has_shapes:
+            a, i = np.nonzero(partner >= 0)
+            phi = (x[a, i][:, None] @ stack.outputs[a])[:, 0]
+            shaped = self._shape_residuals(
+                partner.shape,
+                (a, i),
+                partner[a, i],
+                phi,
+                stack.eigenvalues[a],
+                stack.n_rigid[a],
+                stack.shapes[a],
+            )
+        return np.where(stack.is_structure[:, None], self._residuals(lam, shaped), np.nan)
+
+    def _residuals(self, eigenvalues: Complexes, shaped: ShapeResiduals | None) -> Complexes:
+        """Return the weighted residuals of k models by partners' eigenvalues (k, n_modes), NaN for none."""
         t, modes = self._data, self.lines
         f_std, zeta_std, _ = self._deviation
-        off, off_zeta = np.full((2, len(several), len(modes)), FAR)
-        for row, met in enumerate(several):
-            for i, _, m in filter(None, met.found):
-                off[row, i] = np.log(m.frequency / t.frequency[modes[i]])
-                off_zeta[row, i] = np.log(max(m.zeta, 1e-9)) - np.log(t.zeta[modes[i]])
+        there = np.isfinite(eigenvalues)
+        real = np.maximum(np.where(there, eigenvalues.real, 1.0), 1e-300)
+        zeta = np.maximum(np.where(there, eigenvalues.imag, 0.0) / (2 * real), 1e-9)
+        off = np.where(there, np.log(np.sqrt(real) / (2 * np.pi) / t.frequency[modes]), FAR)
+        off_zeta = np.where(there, np.log(zeta) - np.log(t.zeta[modes]), FAR)
         parts: list[NDArray[Any]] = [
             off * (f_std.min() / f_std),
             off_zeta[:, self._damped] * (zeta_std.min(initial=np.inf) / zeta_std),
         ]
-        if t.has_shapes:
-            e = self._shape_residuals(several).residuals.reshape(len(several), *self._known.shape)
-            parts.append(e[:, self._known])
+        if shaped is not None:
+            parts.append(shaped.residuals.reshape(len(eigenvalues), *self._known.shape)[:, self._known])
         return self._independent(np.concatenate(parts, axis=1).astype(complex))
 
     def _independent(self, r: Complexes) -> Complexes:
@@ -663,47 +681,76 @@ class ModeFunction(FitFunction[ModeProblem]):
         """Measured shapes (n, n_out), 0 where they are not known."""
         return np.where(self._known, self._data.shapes[:, self.lines].T, 0.0)
 
-    def _shapes(self, found: Partners, at: ModesAt) -> tuple[NDArray[Any], Floats]:
-        """Return φ (n, n_out) and B (n, n_out, k) of :class:`ShapeResiduals`; those without partner are 0."""
-        known, std, n = self._known, self._deviation[SHAPE], len(self.lines)
+    def _shapes_met(self, found: Partners, at: ModesAt) -> ShapeResiduals:
+        """Return the residuals of the shapes of the partners, one row for each measured mode."""
         some = [m for m in found if m is not None]
-        if not some:
-            return np.zeros(known.shape), np.zeros((*known.shape, 0))
-        i, k = np.array([m[:2] for m in some]).T
+        i, k = np.array([m[:2] for m in some], dtype=np.int64).reshape(-1, 2).T
+        pairs = [at.pairs(int(c)) for c in i]
+        if not pairs:
+            one = at.pairs(0)
+            nothing = np.zeros((0, self._known.shape[1])), np.zeros((0, len(one.eigenvalues)))
+            return self._shape_residuals(
+                (1, len(found)), (i, i), k, *nothing, i, np.zeros((0, *one.shapes.shape))
+            )
         phi = np.stack([m.vector for _, _, m in some]) @ at.outputs
+        lam, shapes = (np.stack([getattr(p, key) for p in pairs]) for key in ("eigenvalues", "shapes"))
+        n_rigid = np.array([p.n_rigid for p in pairs])
+        return self._shape_residuals((1, len(found)), (np.zeros_like(i), i), k, phi, lam, n_rigid, shapes)
+
+    def _shape_residuals(
+        self,
+        size: tuple[int, ...],
+        rows: tuple[NDArray[np.int64], NDArray[np.int64]],
+        partner: NDArray[np.int64],
+        phi: NDArray[Any],
+        eigenvalues: Floats,
+        n_rigid: NDArray[np.int64],
+        shapes: Floats,
+    ) -> ShapeResiduals:
+        """Return the residuals of the shapes of k models, one row for each measured mode of each.
+
+        Parameters
+        ----------
+        size : (int, int)
+            k, and the number of measured modes.
+        rows : tuple of ndarray (p,)
+            The model and the measured mode of each of p pairs.
+        partner : ndarray of int (p,)
+            The computed mode.
+        phi : ndarray (p, n_out)
+            Its shape.
+        eigenvalues, n_rigid, shapes : ndarray (p, r), (p,), (p, n_out, r)
+            Of all computed modes.
+        """
+        known, std, i = self._known, self._deviation[SHAPE], rows[1]
         if np.iscomplexobj(phi) and not np.iscomplexobj(self._data.shapes):
             phi = np.real(phi * np.exp(-0.5j * np.angle((phi**2).sum(axis=1, keepdims=True))))
         phi = np.where(known[i], phi, 0.0)
-        each = [at.pairs(int(c)) for c in i]
-        lam = np.stack([pairs.eigenvalues for pairs in each])
+        each, lam = np.arange(len(i)), eigenvalues
         share = self.problem.model_error / EXPLAINED_LEVEL
-        rows = np.arange(len(some))
-        least = float(np.hypot(MIXED * share, LEAST_MIXED)) * np.abs(lam[rows, k])[:, None]
-        m = least / np.maximum(np.abs(lam - lam[rows, k][:, None]), least)
-        m[rows, k] = 0.0
-        m[:, : each[0].n_rigid] = 0.0
+        least = float(np.hypot(MIXED * share, LEAST_MIXED)) * np.abs(lam[each, partner])[:, None]
+        m = least / np.maximum(np.abs(lam - lam[each, partner][:, None]), least)
+        m[each, partner] = 0.0
+        m[np.arange(lam.shape[1]) < n_rigid[:, None]] = 0.0
         m[m <= 0.1 * std[i][:, None]] = 0.0
-        near = np.argsort(-m, axis=1)[:, : int((m > 0).sum(axis=1).max())]
+        near = np.argsort(-m, axis=1)[:, : int((m > 0).sum(axis=1).max(initial=0))]
         # A component of ψ, of length 1, has the deviation std/√n; the mixed shapes are as large as φ.
-        size = np.linalg.norm(phi, axis=1) * (std / np.sqrt(known.sum(axis=1)))[i]
-        m = np.take_along_axis(m, near, axis=1) / size[:, None]
-        B = np.stack([pairs.shapes[:, columns] for pairs, columns in zip(each, near, strict=True)])
-        out = np.zeros((n, known.shape[1]), dtype=phi.dtype), np.zeros((n, *B.shape[1:]))
-        out[0][i], out[1][i] = phi, np.where(known[i][:, :, None], B * m[:, None], 0.0)
-        return out
-
-    def _shape_residuals(self, several: Sequence[MetModes]) -> ShapeResiduals:
-        """Return the residuals of the shapes of several sets of partners, one after the other."""
-        std, n_known = self._deviation[SHAPE], self._known.sum(axis=1)
-        most = max(met.B.shape[2] for met in several)
-        B = np.concatenate([np.pad(m.B, ((0, 0), (0, 0), (0, most - m.B.shape[2]))) for m in several])
-        lost = np.array([m is None for met in several for m in met.found])
-        psi = np.tile(self._measured, (len(several), 1))
-        phi = np.where(lost[:, None], psi, np.concatenate([met.phi for met in several]))
-        scale = np.tile(np.sqrt(n_known) * std.min() / std, len(several))
-        out = ShapeResiduals.of(phi, psi, B, scale)
-        away = np.sqrt(1 - LEAST_MAC) * np.tile(std.min() / std, len(several))
-        return replace(out, residuals=np.where(lost[:, None], away[:, None], out.residuals))
+        length = np.linalg.norm(phi, axis=1) * (std / np.sqrt(known.sum(axis=1)))[i]
+        m = np.take_along_axis(m, near, axis=1) / length[:, None]
+        mixed = np.take_along_axis(shapes, near[:, None], axis=2) * m[:, None]
+        B = np.zeros((*size, known.shape[1], near.shape[1]))
+        B[rows] = np.where(known[i][:, :, None], mixed, 0.0)
+        psi = np.tile(self._measured, (size[0], 1))
+        every = np.array(
+            np.broadcast_to(self._measured, (*size, known.shape[1])), dtype=np.result_type(psi, phi)
+        )
+        every[rows] = phi
+        lost = np.ones(size, dtype=bool)
+        lost[rows] = False
+        scale = np.tile(np.sqrt(known.sum(axis=1)) * std.min() / std, size[0])
+        out = ShapeResiduals.of(every.reshape(psi.shape), psi, B.reshape(len(psi), *B.shape[2:]), scale)
+        away = np.sqrt(1 - LEAST_MAC) * np.tile(std.min() / std, size[0])
+        return replace(out, residuals=np.where(lost.reshape(-1, 1), away[:, None], out.residuals))
 
     def slopes(
         self,
@@ -728,7 +775,7 @@ class ModeFunction(FitFunction[ModeProblem]):
             moved = np.zeros((len(self.lines), n, self._known.shape[1]), dtype=complex)
             for (i, _, mode), shape in zip(pairs, shapes, strict=True):
                 moved[i] = shape if more is None else shape + more(mode)
-            shaped = self._shape_residuals([MetModes(found, *self._shapes(found, at))])
+            shaped = self._shapes_met(found, at)
             by_shape = shaped.slopes(np.where(self._known[:, None], moved, 0.0))
             by_shape[[i for i, m in enumerate(found) if m is None]] = 0.0
             J[:, sum(self._sizes[:SHAPE]) :] = by_shape.transpose(1, 0, 2)[:, self._known]
@@ -776,10 +823,15 @@ class ModeFunction(FitFunction[ModeProblem]):
         )
 
     def result(self, solution: Solution) -> FitResult:
-        """Return a solution as values with standard deviations; the level is that of frequencies [-]."""
+        """Return a solution as values with standard deviations.
+
+        The level is that of the frequencies which seem to be the model's [-]: one that is not, says nothing
+        of how near the model is to the data.
+        """
         out = super().result(solution)
-        r, _ = self(solution.x, False)
-        return replace(out, level=float(np.sqrt(pseudo_huber(r[: self._sizes[0]], ROBUST).mean())))
+        levels, v = self.levels(), self.misfit(solution.x)
+        belong = (levels.kind == FREQUENCY) * (1 - levels.is_bad(v))
+        return replace(out, level=float(np.sqrt(belong @ v / max(belong.sum(), 1e-12))))
 
 
 def start_of(effects: Sequence[Effect]) -> list[dict[str, float]]:

@@ -217,7 +217,20 @@ def match(
     spread: Floats | float = SPREAD_BEFORE,
     alien: float = 0.0,
 ) -> Matched:
-    """Find the computed partner of each measured mode.
+    """Find the computed partner of each measured mode; parameters as of :func:`match_each`, of one model."""
+    each = match_each(targets, frequency[None], shapes[None], seen[None], spread, alien)
+    return Matched(each.partner[0], each.mac[0])
+
+
+def match_each(
+    targets: ModeTargets,
+    frequency: Floats,
+    shapes: NDArray[np.number],
+    seen: NDArray[np.bool_],
+    spread: Floats | float = SPREAD_BEFORE,
+    alien: float = 0.0,
+) -> Matched:
+    """Find the computed partner of each measured mode in each of k models, (k, n).
 
     With shapes so that the sum of MAC less ``LIKENESS`` |ln f ratio| is largest: modes that have crossed keep
     their partners. Without, in the order of frequencies; a computed mode between two measured ones may have
@@ -227,38 +240,48 @@ def match(
     Parameters
     ----------
     targets : ModeTargets
-    frequency : ndarray (m,)
+    frequency : ndarray (k, m)
         Of the computed modes, rising [Hz].
-    shapes : ndarray (n_out, m)
+    shapes : ndarray (k, n_out, m)
         At the sensors.
-    seen : ndarray of bool (m,)
+    seen : ndarray of bool (k, m)
         Which of them a test can see.
     spread : float or ndarray (n,)
         Standard deviation of the logarithm of a frequency ratio, for pairs by their order [-].
     alien : float
         Prior probability that a measured mode is none of the model's [-].
     """
-    n, nothing = targets.n, np.full(targets.n, np.nan)
-    allowed = np.flatnonzero(seen)
+    n, k = targets.n, len(frequency)
+    partner, value = np.full((k, n), -1), np.full((k, n), np.nan)
     if targets.has_shapes:
-        mac = mac_of(targets.shapes, shapes[:, allowed])
-        off = np.abs(np.log(targets.frequency[:, None] / np.maximum(frequency[allowed], 1e-300)))
-        possible = (off < FAR) & (mac >= LEAST_MAC)
-        rows, columns = scipy.optimize.linear_sum_assignment(np.where(possible, LIKENESS * off - mac, 1e3))
-        partner = np.full(n, -1)
-        ok = possible[rows, columns]
-        partner[rows[ok]] = allowed[columns[ok]]
-        value = nothing.copy()
-        value[rows[ok]] = mac[rows[ok], columns[ok]]
+        ratio = targets.frequency[:, None] / np.maximum(frequency, 1e-300)[:, None]
+        off, mac = np.abs(np.log(ratio)), mac_of(targets.shapes, shapes)
+        possible = (off < FAR) & (mac >= LEAST_MAC) & seen[:, None]
+        cost = np.where(possible, LIKENESS * off - mac, 1e3)
+        for i in range(k):
+            allowed = np.flatnonzero(seen[i])
+            rows, columns = scipy.optimize.linear_sum_assignment(cost[i][:, allowed])
+            columns = allowed[columns]
+            ok = possible[i, rows, columns]
+            partner[i, rows[ok]] = columns[ok]
+        value = np.where(
+            partner >= 0, np.take_along_axis(mac, np.maximum(partner, 0)[:, :, None], 2)[..., 0], value
+        )
         return Matched(partner, value)
+    # The modes that can be seen come first, in their order.
+    allowed, n_allowed = np.argsort(~seen, axis=1, kind="stable"), seen.sum(axis=1)
     if targets.numbers is not None:
-        partner = np.where(targets.numbers < len(allowed), targets.numbers, -1)
-        return Matched(np.where(partner >= 0, allowed[np.minimum(partner, len(allowed) - 1)], -1), nothing)
-    return Matched(_in_order(targets, frequency, allowed, spread, alien), nothing)
+        number = np.broadcast_to(targets.numbers, (k, n))
+    else:
+        sorted_frequency = np.take_along_axis(frequency, allowed, axis=1)
+        number = _in_order(targets, sorted_frequency, n_allowed, spread, alien)
+    there = (number >= 0) & (number < n_allowed[:, None])
+    of_number = np.take_along_axis(allowed, np.clip(number, 0, allowed.shape[1] - 1), axis=1)
+    return Matched(np.where(there, of_number, -1), value)
 
 
 def mac_of(measured: NDArray[np.number], computed: NDArray[np.number]) -> Floats:
-    """Return the modal assurance criterion (n, m) over the outputs that each measured shape has."""
+    """Return the modal assurance criterion (..., n, m) over the outputs that each measured shape has."""
     known = ~np.isnan(measured)
     psi = np.where(known, measured, 0.0)
     cross = np.abs(psi.conj().T @ computed) ** 2
@@ -269,39 +292,47 @@ def mac_of(measured: NDArray[np.number], computed: NDArray[np.number]) -> Floats
 def _in_order(
     targets: ModeTargets,
     frequency: Floats,
-    allowed: NDArray[np.int64],
+    n_allowed: NDArray[np.int64],
     spread: Floats | float,
     alien: float,
 ) -> NDArray[np.int64]:
-    """Return partners that rise with the measured modes, by dynamic programming; -1 for none.
+    """Return numbers of partners that rise with the measured modes, by dynamic programming; -1 for none.
 
     The cost is Σ ½ ρ(ln f ratio / s), and ``UNSEEN_NATS`` for each computed mode that is passed over. Where a
-    measured mode may be none of the model's, a pair costs no more than that: -ln[exp(-½ ρ) + π s/b].
+    measured mode may be none of the model's, a pair costs no more than that: -ln[exp(-½ ρ) + π s/b]. Of the
+    frequencies (k, m) the first ``n_allowed`` of each model count.
     """
-    n, m = targets.n, min(len(allowed), 3 * targets.n + 6)
-    if m < n and not alien:
-        return np.concatenate([allowed, np.full(n - m, -1)])[:n]
+    n, models = targets.n, np.arange(len(frequency))
+    n_allowed = np.minimum(n_allowed, 3 * n + 6)
+    m = int(n_allowed.max(initial=0))
     s = np.broadcast_to(spread, n)[:, None]
-    off = np.log(targets.frequency[:, None] / np.maximum(frequency[allowed[:m]], 1e-300))
+    off = np.log(targets.frequency[:, None] / np.maximum(frequency[:, None, :m], 1e-300))
     cost = 2 * (np.sqrt(1 + (off / s) ** 2 / 2) - 1) * 2
     left_out = np.full(n, np.inf)
     if alien:
         odds = np.log(alien * s / ALIEN_WIDTH)
         cost = -np.logaddexp(-cost, odds - 0.5 * (off / ALIEN_WIDTH) ** 2)
         left_out = -odds[:, 0] + 0.5 * (FAR / ALIEN_WIDTH) ** 2
+    cost = np.where(np.arange(m) < n_allowed[:, None, None], cost, np.inf)
     passed = UNSEEN_NATS * np.arange(m + 1)
-    step = np.zeros((n + 1, m + 1), dtype=np.int64)
-    best = passed
+    step = np.zeros((n + 1, len(models), m + 1), dtype=np.int64)
+    best = np.tile(passed, (len(models), 1))
+    pair = np.full(best.shape, np.inf)
     for i in range(n):
-        pair, alone = np.append(np.inf, best[:-1] + cost[i]), best + left_out[i]
+        pair[:, 1:] = best[:, :-1] + cost[:, i]
+        alone = best + left_out[i]
         ending = np.minimum(pair, alone) - passed
-        least = np.minimum.accumulate(ending)
+        least = np.minimum.accumulate(ending, axis=1)
         step[i + 1] = np.where(least < ending, PASSED_OVER, np.where(pair <= alone, PAIRED, LEFT_OUT))
         best = least + passed
-    out, i, j = np.full(n, -1), n, int(np.argmin(best))
-    while i > 0 and j > 0:
-        way = step[i, j]
-        if way == PAIRED:
-            out[i - 1] = allowed[j - 1]
-        i, j = i - (way != PASSED_OVER), j - (way != LEFT_OUT)
+    out, i, j = np.full((len(models), n), -1), np.full(len(models), n), np.argmin(best, axis=1)
+    while (on := (i > 0) & (j > 0)).any():
+        way = np.where(on, step[i, models, j], -1)
+        paired = way == PAIRED
+        out[models[paired], i[paired] - 1] = j[paired] - 1
+        i, j = i - (on & (way != PASSED_OVER)), j - (on & (way != LEFT_OUT))
+    if not alien:
+        # Too few modes for all that were measured: the lowest are the lowest.
+        few = n_allowed < n
+        out[few] = np.where(np.arange(n) < n_allowed[few][:, None], np.arange(n), -1)
     return out

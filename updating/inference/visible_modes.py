@@ -1,12 +1,11 @@
 """Which computed modes a test could have measured, by its plane and the directions of sensors and forces."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fem.model import Model
-from fem.reduction.parametric_modes import ModesAt
 from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble
 from updating.inference.fit_data import sensor_vectors
@@ -23,8 +22,15 @@ EIGENVALUE_TOLERANCE = 1e-6
 Floats = NDArray[np.float64]
 
 
-def visible_modes(reduced: ReducedModel, targets: ModeTargets, mass: float, at: ModesAt) -> NDArray[np.bool_]:
-    """Return which computed modes a test could have measured, (r,).
+def visible_modes(
+    reduced: ReducedModel,
+    targets: ModeTargets,
+    mass: float,
+    eigenvalues: Floats,
+    n_rigid: NDArray[np.int64],
+    vectors: Floats,
+) -> NDArray[np.bool_]:
+    """Return which computed modes of n models a test could have measured, (n, r).
 
     Left out are motions of rigid bodies, those mostly out of the plane of the test, and those without motion
     at any sensor or force along its direction. A vector x with xᵀ M x = 1 has a typical motion of m^-½, with
@@ -36,38 +42,41 @@ def visible_modes(reduced: ReducedModel, targets: ModeTargets, mass: float, at: 
     targets : ModeTargets
     mass : float
         m [kg]; NaN where motion is not judged by its size.
-    at : ModesAt
+    eigenvalues : ndarray (n, r)
+        Of the modes [rad²/s²].
+    n_rigid : ndarray of int (n,)
+        Number of them that move as a rigid body.
+    vectors : ndarray (n, r_basis, r)
+        Their motions as combinations of the basis's columns.
     """
-    pairs = at.pairs(0)
-    lam = pairs.eigenvalues
-    out = (np.arange(len(lam)) >= pairs.n_rigid) & (lam > 0)
+    lam = eigenvalues
+    out = (np.arange(lam.shape[1]) >= n_rigid[:, None]) & (lam > 0)
     judged = [part for part in (targets.sensors, targets.driven) if _judged(part, mass)]
     if not judged and not targets.plane:
         return out
-    V = at.columns[: reduced.basis.T.shape[1]] @ pairs.vectors
+    V = vectors
     motion = [_motion(reduced, axes) for axes in (targets.plane, "xyz")] if targets.plane else []
     channels = [np.sqrt(mass) * _rows(reduced, part) @ V for part in judged]
-    alone, alike = _alike(lam, np.flatnonzero(out))
-    # Most modes are alone: of these all at once.
+    # Most modes are alone at their frequency: of these all at once.
+    seen = out.copy()
     if motion:
-        v = V[:, alone]
-        within, every = (np.einsum("rk,rk->k", v, G @ v) for G in motion)
-        out[alone] &= (within >= IN_PLANE * every) & ~(every <= LEAST_MOTION**2 / mass)
+        within, every = ((V * (G @ V)).sum(axis=1) for G in motion)
+        seen &= (within >= IN_PLANE * every) & ~(every <= LEAST_MOTION**2 / mass)
     if channels:
-        strength = np.prod([np.linalg.norm(rows[:, alone], axis=0) for rows in channels], axis=0)
-        out[alone] &= strength >= LEAST_MOTION ** len(channels)
-    for some in alike:
-        v = V[:, some]
+        strength = np.prod([np.linalg.norm(rows, axis=1) for rows in channels], axis=0)
+        seen &= strength >= LEAST_MOTION ** len(channels)
+    for k, some in _alike(lam, out):
+        v = V[k][:, some]
         n = len(some)
         if motion:
             n = _in_plane(v.T @ motion[0] @ v, v.T @ motion[1] @ v, LEAST_MOTION**2 / mass)
         if channels:
-            first, *second = (rows[:, some] for rows in channels)
+            first, *second = (rows[k][:, some] for rows in channels)
             response = first @ second[0].T if second else first
             strong = np.linalg.svd(response, compute_uv=False) >= LEAST_MOTION ** len(channels)
             n = min(n, int(strong.sum()))
-        out[some[n:]] = False
-    return out
+        seen[k, some] = np.arange(len(some)) < n
+    return seen
 
 
 def mass_of(model: Model) -> float:
@@ -103,14 +112,15 @@ def _motion(reduced: ReducedModel, axes: str) -> Floats:
     return reduced.projected(("motion", axes), part)[1]
 
 
-def _alike(lam: Floats, some: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
-    """Return the modes that are alone at their frequency, and the others in groups of one frequency."""
-    first = np.flatnonzero(
-        np.append(True, np.diff(lam[some]) > EIGENVALUE_TOLERANCE * lam[some[1:]])[: len(some)]
-    )
-    size = np.diff(np.append(first, len(some)))
-    groups = zip(first[size > 1], size[size > 1], strict=True)
-    return some[first[size == 1]], [some[k : k + n] for k, n in groups]
+def _alike(eigenvalues: Floats, there: NDArray[np.bool_]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Yield models and those of their modes (n, r) that share one frequency, of modes that are ``there``."""
+    near = np.diff(eigenvalues, axis=1) <= EIGENVALUE_TOLERANCE * eigenvalues[:, 1:]
+    for k in np.flatnonzero((near & there[:, 1:] & there[:, :-1]).any(axis=1)).tolist():
+        some = np.flatnonzero(there[k])
+        lam = eigenvalues[k, some]
+        first = np.flatnonzero(np.append(True, np.diff(lam) > EIGENVALUE_TOLERANCE * lam[1:])[: len(some)])
+        size = np.diff(np.append(first, len(some)))
+        yield from ((k, some[i : i + n]) for i, n in zip(first[size > 1], size[size > 1], strict=True))
 
 
 def _in_plane(within: Floats, every: Floats, least: float) -> int:
