@@ -62,7 +62,8 @@ class Forecast:
     low : ndarray (n,)
         Level on the low band that is left.
     vectors : ndarray (n, r)
-        v, where it was asked for.
+        What a model without the effect leaves of its change, where it was asked for: v, unless the effect
+        replaces an uncertain parameter.
     changes : ndarray (n, m)
         Changes of the weighted residuals of the full band, where they were asked for.
     """
@@ -190,14 +191,16 @@ class Forecast:
         self.cost[rows] = np.where(seen, look.cost_of(*parts), np.inf)
         self.evidence[rows] = look.log_evidence(*parts) - look.log_evidence(*look.parts(now[None]))
         self.sharpness[rows] = look.sharpness(moved, parts[0])
-        of_groups, known = np.abs(moved[:, :m]) ** 2 @ look.share, moved[:, m:].real
+        # A model without the effect varies the parameter that the effect replaces, within its prior.
+        beyond = look.adapted(change) if replaced else moved
+        of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
         self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
         v, y = look.whitened(moved), look.whitened(now[None])[0]
         square = (v**2).sum(axis=1)
         self.precision[rows] = np.sqrt(square)
         self.share[rows] = -a * (2 * (v @ y) + a * square) / max(float(y @ y), LEAST_SQUARE)
         if len(self.vectors):
-            self.vectors[rows] = v
+            self.vectors[rows] = look.whitened(beyond)
 
     def _changes(self) -> Iterator[tuple[Ints, Complexes]]:
         """Yield rows and the changes of all residuals there, of some candidates at a time."""
@@ -210,23 +213,18 @@ class Forecast:
             first = last
 
     def _change(self) -> Callable[[Sequence[Little]], Complexes]:
-        """Return a function that gives the changes of all residuals by a little of some candidates.
-
-        What replaces a parameter that is uncertain has no small element matrices.
-        """
-        look, residuals = self.look, self.look.residuals
-        slopes = residuals.slopes()
+        """Return a function that gives the changes of all residuals by a little of some candidates."""
+        look = self.look
+        slopes = look.slopes_by()
 
         def change(littles: Sequence[Little]) -> Complexes:
-            linear = [o.absent is None and residuals.has_slope(o.grid.effect) for o in littles]
-            small = [o for o, is_linear in zip(littles, linear, strict=True) if is_linear]
-            by_slopes = slopes([o.grid.effect.with_values(**p) for o in small for p in o.points])
-            parts = iter(np.split(by_slopes, np.cumsum([len(o.points) for o in small])))
+            linear = [look.residuals.has_slope(o.grid.effect) for o in littles]
+            parts = iter(slopes([o for o, is_linear in zip(littles, linear, strict=True) if is_linear]))
             each = [
                 next(parts) if is_linear else look.small_changes(o)
                 for o, is_linear in zip(littles, linear, strict=True)
             ]
-            return np.nan_to_num(np.concatenate([np.zeros((0, by_slopes.shape[1]), complex), *each]))
+            return np.concatenate([np.zeros((0, len(look.residuals.now)), complex), *each])
 
         return change
 
