@@ -30,6 +30,8 @@ from updating.inference.problem import Problem
 from updating.inference.residual_changes import ResidualChanges
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
+RELEASED = 0.01
+"""A constraint counts as released, and hardly giving way, at this share of a size [-]."""
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
 
@@ -309,6 +311,19 @@ class Look(Generic[P, C]):
         weaker = tuple(little.values(k, WEAKER) for k in range(len(little.points)))
         strong, weak = np.split(self.all_changes(Grid(effect, little.points + weaker)), 2)
         return (strong - weak) / (1 - WEAKER)
+
+    def changes_at(self, little: Little, sizes: Sequence[tuple[int, float]]) -> Complexes:
+        """Return the changes of all residuals by multiples of a little at places, (n, m).
+
+        Of what releases a constraint, without what letting go alone does: see :meth:`small_changes`.
+        """
+        effect = little.grid.effect
+        points = tuple(little.values(k, a) for k, a in sizes)
+        if not effect.released():
+            return self.all_changes(Grid(effect, points))
+        weak = tuple(little.values(k, a * RELEASED) for k, a in sizes)
+        there, released = np.split(self.all_changes(Grid(effect, points + weak)), 2)
+        return there - released
 
     def slopes_by(self) -> Callable[[Sequence[Little]], list[Complexes]]:
         """Return a function that gives the changes by a little of candidates to the first order.
