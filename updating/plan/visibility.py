@@ -39,6 +39,10 @@ MOST_POSITIONS = 4_000
 """Of more positions of all effects together, each effect is looked at on fewer, evenly spaced: minutes."""
 LEAST_SINE_SQUARE = 1e-9
 """Effects whose changes have a smaller angle between them are the same at any size."""
+N_LARGER = 6
+"""A size is doubled this many times at most until it gains enough."""
+LEAST_GAIN = 1e-3
+"""Gains below this are none [nats]."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
 
@@ -238,8 +242,8 @@ def visibility(
     against = np.array(each)[owner]
     enough = needed(against)
     say("what is alike", 0.8)
-    seen = least_amplitudes(forecast, enough, discrepancy, averaged)
-    rivals = _Rivals.of(forecast, against)
+    seen = amplitudes_as_solved(forecast, enough, discrepancy, averaged)
+    rivals = Rivals.of(forecast, against)
     located, named, rival, alike = rivals.separation_amplitudes(seen, enough)
     over_rival = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
     found = []
@@ -288,10 +292,11 @@ def _expected(forecast: Forecast, discrepancy: float | None, averaged: float) ->
     return ExpectedGains(look.likelihood, level, *information.learned(known @ known.T))
 
 
-def expected_gains(forecast: Forecast, a: Floats, discrepancy: float | None) -> Floats:
-    """Return the expected gains in log evidence (n,) of multiples (n,) of a little [nats]."""
-    squares = forecast.squares
-    return _expected(forecast, discrepancy, 1.0).gains(a, squares[:, :-1], squares[:, -1])
+def gain_at(forecast: Forecast, i: int, factor: float, discrepancy: float | None) -> float:
+    """Return the expected gain of a multiple at the i-th place, by which sizes are stated [nats]."""
+    solved = forecast.squares_at(np.array([i]), np.array([factor]))
+    linear = factor**2 * forecast.squares[i][None]
+    return float(_between(_expected(forecast, discrepancy, 1.0), linear, *solved)[0])
 
 
 def least_amplitudes(
@@ -300,6 +305,49 @@ def least_amplitudes(
     """Return the multiples (n,) of a little that gain what is wanted (n,) [nats]; infinite if none does."""
     squares = forecast.squares
     return _expected(forecast, discrepancy, averaged).multiples(squares[:, :-1], squares[:, -1], wanted)
+
+
+def amplitudes_as_solved(
+    forecast: Forecast, wanted: Floats, discrepancy: float | None, averaged: float = 1.0
+) -> Floats:
+    """Return :func:`least_amplitudes` by gains of sizes as they are, rather than of multiples of a change.
+
+    A spring far stiffer than what it acts on holds it, and stiffer ones do no more; a loss of nearly all
+    stiffness does more. A size that the parameters cannot have is not solved for.
+    """
+    expected, squares = _expected(forecast, discrepancy, averaged), forecast.squares
+    least = expected.multiples(squares[:, :-1], squares[:, -1], wanted)
+    out, rows = least.copy(), np.flatnonzero(np.isfinite(least))
+    low, gain_low = out.copy(), wanted.copy()
+    for step in range(N_LARGER + 1):
+        size = 2.0**step * least[rows]
+        solved, share = forecast.squares_at(rows, size)
+        ok = np.isfinite(share)
+        rows, size = rows[ok], size[ok]
+        linear = size[:, None] ** 2 * squares[rows]
+        gains = np.maximum(_between(expected, linear, solved[ok], share[ok]), LEAST_GAIN)
+        short = gains < wanted[rows] * (1 - 1e-9)
+        done = rows[~short]
+        if step:  # between two sizes the gain is as a power of the size
+            part = np.log(wanted[done] / gain_low[done]) / np.log(gains[~short] / gain_low[done])
+            out[done] = low[done] * 2.0**part
+        else:
+            out[done] *= np.maximum(np.sqrt(wanted[done] / gains[~short]), 0.5)
+        rows = rows[short]
+        low[rows], gain_low[rows], out[rows] = size[short], gains[short], np.inf
+    return out
+
+
+def _between(expected: ExpectedGains, linear: Floats, solved: Floats, share: Floats) -> Floats:
+    """Return expected gains (n,): of multiples of a change, as far as sizes solved for do not contradict.
+
+    Solved for, sizes gain the more the more the unknowns fail to follow: no less than with the ``share`` that
+    counts out that failure. Where they follow to the first order they follow too well: no more than twice.
+    """
+    one = np.ones(len(linear))
+    each = linear, solved, share[:, None] * solved
+    first, as_solved, least = (expected.gains(one, x[:, :-1], x[:, -1]) for x in each)
+    return np.clip(first, np.minimum(least, as_solved), 2 * np.maximum(as_solved, 0.0))
 
 
 def _followed(littles: Sequence[Little]) -> Ints:
@@ -316,7 +364,7 @@ def _followed(littles: Sequence[Little]) -> Ints:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rivals:
+class Rivals:
     """All effects, a little of each, as what might stand for others.
 
     Attributes
@@ -346,7 +394,7 @@ class _Rivals:
     apart: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, forecast: Forecast, against: Floats) -> "_Rivals":
+    def of(cls, forecast: Forecast, against: Floats) -> "Rivals":
         """Tell which candidates are no rivals, and which act at other places."""
         candidates, owner, vectors = forecast.candidates, forecast.owner, forecast.vectors
         both = np.array([not o.grid.one_sided() for o in forecast.littles], dtype=bool)[owner]
@@ -383,7 +431,7 @@ class _Rivals:
         for first in range(0, n, N_AT_ONCE):
             beat()
             rows = np.arange(first, min(first + N_AT_ONCE, n))
-            cosine = self._cosines(rows)
+            cosine = self.cosines(rows)
             like, apart = (m[self.owner[rows]][:, owner] for m in (~self.unlike, self.apart))
             least = np.where(like, self._least(seen[rows], enough[rows], rows, cosine), 0.0)
             elsewhere[rows] = np.maximum(np.where(apart, least, 0.0).max(axis=1), seen[rows])
@@ -395,7 +443,7 @@ class _Rivals:
             alike[rows] = np.abs(cosine[each, last])
         return elsewhere, anywhere, rival, alike
 
-    def _cosines(self, rows: Ints) -> Floats:
+    def cosines(self, rows: Ints) -> Floats:
         """Return the cosines of some effects with each other one, (n_rows, n + n_pairs).
 
         Between two positions of a rival it is that with its best sum of both, if both count with one sign.
