@@ -443,16 +443,19 @@ class Look(Generic[P, C]):
         Behind them stand those of prior knowledge, (n, m + n_all), which begin at ``off`` or, for changes of
         residuals, at 0. Parameters that an effect replaces stay as they are, and nothing is known of them.
         """
-        C, back = self._nuisances
         known = np.zeros((len(r), len(self.off))) if off is None else np.tile(off, (len(r), 1))
         known[:, [k for k, ref in enumerate(self.prior_of) if ref in replaced]] = 0.0
         flat = np.hstack([r.real, r.imag, known])
-        moved = flat @ back.T
-        fixed = [k for k, ref in enumerate(self.refs) if ref in replaced]
-        if fixed:
-            moved -= moved[:, fixed] @ np.linalg.solve(C[np.ix_(fixed, fixed)], C[fixed])
-        rest, m = flat - moved @ self.slopes, r.shape[1]
+        rest, m = flat - self._moved(flat, replaced) @ self.slopes, r.shape[1]
         return np.hstack([rest[:, :m] + 1j * rest[:, m : 2 * m], rest[:, 2 * m :]]).astype(complex)
+
+    def _moved(self, flat: Floats, replaced: Sequence[ParameterRef]) -> Floats:
+        """Return how far nuisance parameters move against residuals (n, 2 m + n_all), (n, n_nuisances)."""
+        C, back = self._nuisances
+        moved: Floats = flat @ back.T
+        if fixed := [k for k, ref in enumerate(self.refs) if ref in replaced]:
+            moved -= moved[:, fixed] @ np.linalg.solve(C[np.ix_(fixed, fixed)], C[fixed])
+        return moved
 
     def hidden_by(
         self, change: Complexes, replaced: Sequence[ParameterRef] = (), most: int = 2
@@ -483,8 +486,8 @@ class Look(Generic[P, C]):
         variance, n = C.diagonal().copy(), len(self.refs)
         if rows := [k for k, ref in enumerate(self.refs) if ref in fixed]:
             variance -= (C[:, rows] * np.linalg.solve(C[np.ix_(rows, rows)], C[rows]).T).sum(axis=1)
-        back = self._back(tuple(ref for ref in fixed if ref in self.prior_of))
-        x = back[:n] @ np.concatenate([change.real, change.imag, np.zeros(len(self.off))])
+        flat = np.concatenate([change.real, change.imag, np.zeros(len(self.off))])
+        x = self._moved(flat[None], fixed)[0, :n]
         gain = x**2 / np.maximum(variance[:n], SMALL * C.diagonal()[:n])
         gain[rows] = -np.inf
         return self.refs[int(np.argmax(gain))]

@@ -22,7 +22,7 @@ from updating.inference.carried_modes import CarriedModes
 from updating.inference.common_errors import CommonErrors
 from updating.inference.defaults import BASIS_LINES, EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
-from updating.inference.fit_function import ROBUST, Errors, FitFunction, propagated
+from updating.inference.fit_function import Errors, FitFunction, propagated
 from updating.inference.fit_result import FitResult, fitted_model
 from updating.inference.mode_changes import ModeChanges
 from updating.inference.mode_targets import (
@@ -40,7 +40,6 @@ from updating.inference.problem import Problem
 from updating.inference.solve import Solution
 from updating.inference.unknowns import by_unknowns, values_at
 from updating.inference.visible_modes import visible_modes
-from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
 
 FREQUENCY, DAMPING, SHAPE = 0, 1, 2
@@ -830,7 +829,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         """
         out = super().result(solution)
         levels, v = self.levels(), self.misfit(solution.x)
-        belong = (levels.kind == FREQUENCY) * (1 - levels.is_bad(v))
+        belong = (levels.kind == FREQUENCY) * np.maximum(1 - levels.is_bad(v), 0.0)
         return replace(out, level=float(np.sqrt(belong @ v / max(belong.sum(), 1e-12))))
 
 
