@@ -112,8 +112,8 @@ def _uncertain(plan: Plan, refs: Sequence[ParameterRef]) -> str:
 
 
 PERCENT = "{:.0f} %".format
-MOST_TWINS = 10
-"""Largest number of indistinguishable pairs that are printed."""
+MOST_TWINS, MOST_BLIND = 6, 3
+"""Largest numbers of indistinguishable pairs, and of blind places of a kind, that are printed."""
 SHARES = ("seen", "located", "named")
 EXCLUDED = (
     "A linear estimate: with a probability of 90 %, these data would have shown effects of these sizes."
@@ -191,7 +191,7 @@ def twin_text(outlook: Outlook, rival: Effect) -> str:
 
 
 def blind_lines(plan: Plan) -> list[str]:
-    """Return where relevant effects are not seen, by kind."""
+    """Return where relevant effects are not seen, by kind: the first places of each."""
     out = []
     for (kind, _), every in plan.kinds.items():
         there: dict[str, list[bool]] = {}
@@ -204,8 +204,9 @@ def blind_lines(plan: Plan) -> list[str]:
             for place, seen in there.items()
             if not all(seen)
         ]
+        more = [f"and {len(places) - MOST_BLIND} more of {len(there)}"] * (len(places) > MOST_BLIND)
         if places:
-            out.append(f"{kind.replace('_', ' ')}: {'; '.join(places)}")
+            out.append(f"{kind.replace('_', ' ')}: {'; '.join([*places[:MOST_BLIND], *more])}")
     return out
 
 

@@ -348,6 +348,9 @@ def test_many_pairs_are_cut_short(planned, monkeypatch):
     assert len(planning.twin_lines(plan)) == n
     monkeypatch.setattr(planning, "MOST_TWINS", 1)
     assert planning.twin_lines(plan)[-1] == f"and {n - 1} more"
+    monkeypatch.setattr(planning, "MOST_BLIND", 1)
+    blind = replace(planned, relevant=tuple(replace(o, seen=False) for o in planned.relevant))
+    assert planning.blind_lines(blind)[1] == "member stiffness: member post; and 1 more of 2"
 
 
 # Nothing missing ------------------------------------------------------------------------------------------
