@@ -44,7 +44,9 @@ def run(options: Options, progress: Progress) -> Answer:
         candidates = rounds.lines(found, options.number)
         fields |= result.modes_dict(modes)
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *diagnosis_lines(found, modes)]
-    lines += ["", planning.EXCLUDED, planning.table_of_excluded(beyond)] if beyond else []
+    if beyond:
+        lines += ["", planning.EXCLUDED, planning.table_of_excluded(beyond)]
+        lines += ["", planning.HIDDEN, planning.table_of_hidden(beyond)]
     return Answer(
         study,
         [*lines, *candidates, *noted(found.notes, study.measured_notes)],

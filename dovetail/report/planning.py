@@ -81,20 +81,25 @@ def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
 
 
 def table_of_excluded(plan: Plan) -> Table:
-    """Return for each kind from what size an effect would have been seen, and where it would not.
-
-    And which uncertain parameters hide it most where it is seen best.
-    """
+    """Return for each kind from what size an effect would have been seen, and where it would not."""
     rows = kind_rows(plan, "seen")
-    hidden = [plan.hidden(some) for some in plan.kinds.values()]
-    known = [[size_text(e) for _, e in by[-1:] if e is not None] for by in hidden]
     return Table.of(
         "excluded",
         Column("effect", [r.kind for r in rows]),
         Column("seen from, at the best place", [r.smallest or "–" for r in rows]),
         Column("at the worst", [r.largest or "–" for r in rows]),
         Column("blind places", [f"{r.blind} of {r.n}" if r.blind else "none" for r in rows]),
-        Column("hidden there by", [_uncertain(plan, [ref for ref, _ in by]) for by in hidden]),
+    )
+
+
+def table_of_hidden(plan: Plan) -> Table:
+    """Return for each kind which uncertain parameters hide it most, where it is seen best."""
+    hidden = {name: by for name, some in named_kinds(plan) if (by := plan.hidden(some))}
+    known = [[size_text(e) for _, e in by[-1:] if e is not None] for by in hidden.values()]
+    return Table.of(
+        "hidden",
+        Column("effect", list(hidden)),
+        Column("hidden most by", [_uncertain(plan, [ref for ref, _ in by]) for by in hidden.values()]),
         Column("seen from, if these were known", [size or "–" for size in map("".join, known)]),
     )
 
@@ -107,7 +112,7 @@ def _uncertain(plan: Plan, refs: Sequence[ParameterRef]) -> str:
         unit = next(p.unit for p in effect.parameters() if p.name == parameter)
         form = words.place(effect.where) if effect.is_form else ""
         text = uncertain_words(f"{name}.{parameter}", unit, form).removeprefix(f"{form}: ")
-        out.setdefault(form, []).append(text.removesuffix(" (relative)"))
+        out.setdefault(form, []).append(text.partition(" (")[0])
     return "; ".join(f"{form}: {', '.join(some)}" if form else ", ".join(some) for form, some in out.items())
 
 
@@ -118,6 +123,8 @@ SHARES = ("seen", "located", "named")
 EXCLUDED = (
     "A linear estimate: with a probability of 90 %, these data would have shown effects of these sizes."
 )
+
+HIDDEN = "Smaller ones are hidden by what is uncertain. If this were known exactly, more would be seen:"
 
 
 def _range(effects: list[Effect]) -> str:

@@ -155,7 +155,7 @@ def test_a_study_of_frequencies_alone_is_run(tmp_path, capsys):
     assert "Verdict: nothing missing" in page
     rows = {row["kind"]: row for row in result["excluded"]}
     assert all(0 < h["least_if_known"] < rows["point_mass"]["least"] for h in rows["point_mass"]["hidden_by"])
-    assert "hidden there by" in page
+    assert "hidden most by" in page
 
 
 def test_the_change_between_two_states_is_found(root, tmp_path):

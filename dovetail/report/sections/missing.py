@@ -183,5 +183,6 @@ def _excluded(result: RunResult[Verdict], shown: Shown) -> list[Block]:
         tools=choice("effect", [name for name, _ in planning.named_kinds(result.excluded)]),
         hint=TURN,
     )
-    table = TableBlock(*planning.table_of_excluded(result.excluded).texts())
-    return [Text(planning.EXCLUDED), table, figure]
+    tables = (planning.table_of_excluded(result.excluded), planning.table_of_hidden(result.excluded))
+    first, second = (TableBlock(*table.texts()) for table in tables)
+    return [Text(planning.EXCLUDED), first, Text(planning.HIDDEN), second, figure]
