@@ -122,7 +122,8 @@ def test_a_verdict_gives_its_reason(unknown, n, faults, verdict, reason):
         return SimpleNamespace(effects=tuple(SimpleNamespace(kind="mass", where=w) for w in where))
 
     best = hypothesis(*"AB"[:n])
-    done = SimpleNamespace(best=best, lead=best, explains=unknown < 0, probability_there=lambda h: 0.97)
+    known = {"lead": best, "explains": unknown < 0, "finished": True}
+    done = SimpleNamespace(best=best, **known, probability_there=lambda h: 0.97)
     given = [None] * faults
     assert verdict_of(done, given) == verdict
     reported = SimpleNamespace(probability=0.26)
