@@ -214,3 +214,19 @@ class SectionTolerance:
     members: tuple[str, ...] = ()
     size: float | None = None
     shares: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Suspicion:
+    """What is believed of missing effects before a test.
+
+    Attributes
+    ----------
+    missing : float or None
+        Probability that something is missing; as usual for None [-].
+    weights : mapping of str to float
+        How many times as probable as usual effects of a kind are, beside others at their place [-].
+    """
+
+    missing: float | None = None
+    weights: Mapping[str, float] = field(default_factory=dict)

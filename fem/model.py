@@ -23,6 +23,7 @@ from fem.declarations import (
     Role,
     SectionTolerance,
     Site,
+    Suspicion,
     Yardstick,
 )
 from fem.ground import MovingGround
@@ -499,6 +500,8 @@ class Model:
         Situation of the structure, as far as it is stated: which effects it may lack.
     tolerances : tuple of SectionTolerance
         How well sections are known; of two for one member the last counts.
+    suspicion : Suspicion
+        How probable it is that something is missing, before any test.
     instruments : Instruments or None
         Sensors and drivers of a test, by which kinds of effect that belong to these are proposed.
     ground : MovingGround or None
@@ -510,6 +513,7 @@ class Model:
     damping: Damping = field(default_factory=Damping)
     environment: frozenset[Environment] = frozenset()
     tolerances: tuple[SectionTolerance, ...] = ()
+    suspicion: Suspicion = field(default_factory=Suspicion)
     instruments: Instruments | None = field(default=None, repr=False)
     ground: MovingGround | None = field(default=None, init=False, repr=False)
 
@@ -580,6 +584,10 @@ class Model:
     def with_tolerances(self, *tolerances: SectionTolerance) -> "Model":
         """Return a model whose sections are known so well."""
         return replace(self, tolerances=(*self.tolerances, *tolerances))
+
+    def with_suspicion(self, suspicion: Suspicion) -> "Model":
+        """Return a model in which missing effects are believed to be so probable."""
+        return replace(self, suspicion=suspicion)
 
     def with_instruments(self, instruments: Instruments) -> "Model":
         """Return a model on which a test has sensors and drivers."""

@@ -387,9 +387,9 @@ class _Reader:
         damping, connection_damping = read_damping(top, self.path.parent, notes)
         flat = () if plane is None else (plane,)
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
-        kinds, exclude, environment = read_candidates(top)
+        kinds, exclude, environment, suspicion = read_candidates(top)
         model = self._model(mesh, (*parts.frame, *more), damping, groups, notes).in_environment(*environment)
-        model = model.with_tolerances(*read_tolerances(top, model))
+        model = model.with_tolerances(*read_tolerances(top, model)).with_suspicion(suspicion)
         with top.at("excitations"):
             driven = with_moving_base(model, groups[1])
 

@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from dovetail.file.table import StudyTable, suggest
-from fem.declarations import Environment, Relevant, SectionTolerance
+from fem.declarations import Environment, Relevant, SectionTolerance, Suspicion
 from fem.effects import candidate_kinds
 from fem.effects.places import frame_of
 from fem.model import Model
@@ -108,17 +108,29 @@ def read_frequency(top: StudyTable, highest: float | None, notes: list[str]) -> 
     return start + step * np.arange(n), max(stop, highest or 0.0)
 
 
-def read_candidates(top: StudyTable) -> tuple[tuple[str, ...] | None, tuple[str, ...], list[Environment]]:
-    """Read ``[candidates]``: kinds of effects to try, None for all, kinds to exclude, and the environment."""
+def read_candidates(
+    top: StudyTable,
+) -> tuple[tuple[str, ...] | None, tuple[str, ...], list[Environment], Suspicion]:
+    """Read ``[candidates]``: kinds of effects to try, None for all, kinds to exclude, and what is believed.
+
+    The last are the environment, and how probable missing effects are.
+    """
     t = top.table("candidates")
     kinds, exclude, environment = t.texts("kinds", None), t.texts("exclude", ()), t.texts("environment", ())
+    missing, weighed = t.number("missing", None, above=0.0, unit="-"), t.table("weights")
+    weights = {kind: weighed.number(kind, above=0.0, unit="-") for kind in weighed.values}
     t.finish()
-    known = candidate_kinds() if kinds or exclude else ()  # which imports every kind
+    known = candidate_kinds() if kinds or exclude or weights else ()  # which imports every kind
     for key, words in (("kinds", kinds or ()), ("exclude", exclude)):
         for word in words:
             if word not in known:
                 t.refuse(key, f"there is no kind of effect '{word}'; {suggest(word, known)}")
+    for word in weights:
+        if word not in known:
+            weighed.refuse(word, f"there is no such kind of effect; {suggest(word, known)}")
     for word in environment:
         if word not in set(Environment):
             t.refuse("environment", f"there is no environment '{word}'; {suggest(word, list(Environment))}")
-    return kinds, exclude, [Environment(word) for word in environment]
+    if missing is not None and missing >= 1:
+        t.refuse("missing", f"{missing:g} is not allowed; a probability between 0 and 1 is needed")
+    return kinds, exclude, [Environment(word) for word in environment], Suspicion(missing, weights)

@@ -80,25 +80,29 @@ class Odds:
     """Prior odds of effects, by how many candidates a place has, and how many places a kind of place.
 
     Kinds of places are equally probable, so that all candidates together have the odds of one more change.
-    ``admitted`` is the probability that the situation of the structure admits a kind, by kind; a candidate of
-    it counts as so much of one. ``beforehand`` is the logarithm of the odds of everything else that is
-    believed of the data.
+    ``admitted`` is the probability that the situation of the structure admits a kind, by kind, times its
+    weight; a candidate of it counts as so much of one. ``beforehand`` is the logarithm of the odds of
+    everything else that is believed of the data, ``one_more`` that of the odds against one more change.
     """
 
     n_candidates: Mapping[str, float]
     n_places: Mapping[str, int]
     admitted: Mapping[str, float]
     beforehand: float = 0.0
+    one_more: float = EFFECT_ODDS
 
     @classmethod
     def of(cls, candidates: Sequence[Effect], model: Model, beforehand: float = 0.0) -> "Odds":
         """Count candidates and their places."""
         where = [place_of(c) for c in candidates]
-        share = {c.kind: admitted(c, model) for c in candidates}
+        believed = model.suspicion
+        share = {c.kind: admitted(c, model) * believed.weights.get(c.kind, 1.0) for c in candidates}
         n_candidates: dict[str, float] = {}
         for c, (_, name) in zip(candidates, where, strict=True):
             n_candidates[name] = n_candidates.get(name, 0.0) + share[c.kind]
-        return cls(n_candidates, Counter(kind for kind, _ in set(where)), share, beforehand)
+        p = believed.missing
+        one_more = EFFECT_ODDS if p is None else float(np.log((1 - p) / p))
+        return cls(n_candidates, Counter(kind for kind, _ in set(where)), share, beforehand, one_more)
 
     def prior(self, effects: Sequence[Effect]) -> float:
         """Return the logarithm of the prior probability of effects."""
@@ -106,7 +110,7 @@ class Odds:
         seen: set[str] = set()
         for e in effects:
             kind, name = place_of(e)
-            total -= EFFECT_ODDS * n_changes(e) + np.log(max(self.n_candidates.get(name, 0.0), 1))
+            total -= self.one_more * n_changes(e) + np.log(max(self.n_candidates.get(name, 0.0), 1))
             total += np.log(self.admitted.get(e.kind, 1.0))
             if name not in seen:
                 seen.add(name)
