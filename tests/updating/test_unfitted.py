@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating import build_mode_problem, diagnose_modes, propose
-from updating.diagnosis.evidence import ModeRanking, Search, values_of
+from updating.diagnosis.evidence import ModeRanking, Search, Searched, values_of
 from updating.forecast import Forecast
 from updating.inference import TWIN_NATS, EffectPrior, ModeProblem
 from updating.inference.joint_fit import JointLevels
@@ -109,3 +109,17 @@ def test_frequencies_alone_are_not_sure_of_nothing():
     assert not first.effects
     assert 0.75 < first.probability < 0.99
     assert sum(e.probability for e in found.explanations) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("n", "found"), [(1, False), (2, True)])
+def test_many_effects_that_are_each_little_more_probable_than_none_are_something(n, found):
+    """A mass beside a stiff section: "nothing missing" had 4 %, and was reported as the simpler answer."""
+    search, nothing = begun(["point_mass", "support_flexibility", "stiffness_loss"])
+    search.promise_rest(nothing)
+    some = search.promises()[:n]
+    search.promised = {}
+    search.known |= {h.key: h.at_score(nothing.score + 0.9 * TWIN_NATS) for h in some}
+    done = Searched(search, search.best, (), float("nan"), cantilever())
+    assert not done.best.effects
+    answer = done.answered()
+    assert bool(answer.best.effects) == found

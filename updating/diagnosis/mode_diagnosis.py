@@ -242,7 +242,8 @@ def searched_modes(search: Search[ModeProblem], model: Model, say: Progress) -> 
     search.promise_rest(search.known[frozenset()])
     search.fit_promised()
     weigh_elsewhere(search)
-    return done if search.best.score <= done.best.score else replace(done, best=search.polished(search.best))
+    better = search.best.score > done.best.score
+    return (replace(done, best=search.polished(search.best)) if better else done).answered()
 
 
 def candidates_for(

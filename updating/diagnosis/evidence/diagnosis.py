@@ -17,6 +17,7 @@ from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
+from updating.inference.belief import TWIN_NATS
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, fit
@@ -101,6 +102,20 @@ class Searched(Generic[P]):
             return self.best
         some = [h for h in self.search.known.values() if h.effects]
         return max(some, key=lambda h: h.score, default=self.best)
+
+    def answered(self) -> "Searched[P]":
+        """Return the search with its best hypothesis with effects where it is sure that there are some.
+
+        Each of many effects may be little more probable than none, and all together far more. "Nothing
+        missing" then is no simpler twin of the best.
+        """
+        some = [h.score for h in self.weighed if h.effects]
+        with_effects = [h for h in self.search.known.values() if h.effects]
+        if self.best.effects or not with_effects or not self.explains:
+            return self
+        if np.logaddexp.reduce(some) <= self.best.score + TWIN_NATS:
+            return self
+        return replace(self, best=max(with_effects, key=lambda h: h.score))
 
     @property
     def evidence(self) -> float:
@@ -265,7 +280,8 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
             way.search.end_early()
         best, *others = sorted(ways, key=lambda way: -way.search.best.score)
         best = replace(best, best=best.search.best, finished=False)
-    return replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
+    best = replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
+    return best.answered() if best.finished else best
 
 
 def _go_on(ways: Sequence[Searched[P]], progress: Progress) -> None:
