@@ -271,12 +271,12 @@ def _real_and_imaginary(X: Complexes) -> tuple[NDArray[np.float32], Floats]:
 
     As of :func:`_single`.
     """
-    n, m, n_freq = X.shape
-    parts = X.view(float).reshape(n * m, n_freq, 2)
-    size = np.abs(parts).max(axis=(0, 2), initial=1e-300)
-    out = (parts / size[:, None]).astype(np.float32)
+    size = np.maximum(np.abs(X.real).max(axis=(0, 1)), np.abs(X.imag).max(axis=(0, 1)))
+    size = np.maximum(size, 1e-300)
+    out = np.empty((X.shape[2], X.shape[1], 2, len(X)), dtype=np.float32)
+    out[:, :, 0], out[:, :, 1] = ((part / size).astype(np.float32).T for part in (X.real, X.imag))
     out[np.abs(out) < TINY] = 0.0
-    return np.ascontiguousarray(out.reshape(n, m, n_freq, 2).transpose(2, 1, 3, 0)), size
+    return out, size
 
 
 def _single(X: Floats) -> tuple[NDArray[np.float32], Floats]:
