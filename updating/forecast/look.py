@@ -408,14 +408,26 @@ class Look(Generic[P, C]):
         Behind them stand those of prior knowledge, (n, m + n_all), which begin at ``off`` or, for changes of
         residuals, at 0. Parameters that an effect replaces stay as they are, and nothing is known of them.
         """
+        return self.adapted_each(r, [tuple(replaced)] * len(r), off)
+
+    def adapted_each(
+        self, r: Complexes, replaced: Sequence[tuple[ParameterRef, ...]], off: Floats | None = None
+    ) -> Complexes:
+        """Return :meth:`adapted` of residuals (n, m) with effects that replace different parameters."""
         C, back = self._nuisances
         known = np.zeros((len(r), len(self.off))) if off is None else np.tile(off, (len(r), 1))
-        known[:, [k for k, ref in enumerate(self.prior_of) if ref in replaced]] = 0.0
+        alike: dict[tuple[ParameterRef, ...], list[int]] = {}
+        for k, refs in enumerate(replaced):
+            alike.setdefault(refs, []).append(k)
+        for refs, rows in alike.items():
+            known[np.ix_(rows, [k for k, ref in enumerate(self.prior_of) if ref in refs])] = 0.0
         flat = np.hstack([r.real, r.imag, known])
         moved = flat @ back.T
-        fixed = [k for k, ref in enumerate(self.refs) if ref in replaced]
-        if fixed:
-            moved -= moved[:, fixed] @ np.linalg.solve(C[np.ix_(fixed, fixed)], C[fixed])
+        for refs, rows in alike.items():
+            fixed = [k for k, ref in enumerate(self.refs) if ref in refs]
+            if fixed:
+                by_fixed = np.linalg.solve(C[np.ix_(fixed, fixed)], C[fixed])
+                moved[rows] -= moved[np.ix_(rows, fixed)] @ by_fixed
         rest, m = flat - moved @ self.slopes, r.shape[1]
         return np.hstack([rest[:, :m] + 1j * rest[:, m : 2 * m], rest[:, 2 * m :]]).astype(complex)
 
@@ -438,7 +450,7 @@ def _best_multiples(
     one_sided: bool | NDArray[np.bool_],
     weight: Floats,
 ) -> Floats:
-    """Return the best multiples (n,) of changes (n, m) of residuals (m,).
+    """Return the best multiples (n,) of changes (n, m) of residuals (m,) or (n, m).
 
     Within ± ``most`` (n,), or from 0 to it where they are one-sided.
     """
