@@ -136,7 +136,7 @@ class DeviatingFRF(ParametricFRF):
             return super().slopes_of(values, zeta, units)
         H, _, _ = self.evaluate(values, zeta, gradient=False)
         assert self._last is not None
-        _, state, Xi, total, alone = self._last
+        _, state, Xi, total, alone, _ = self._last
         return H, self._slopes(values, zeta, units, state, Xi, total, alone)
 
     def _derivatives(
@@ -271,9 +271,12 @@ def _real_and_imaginary(X: Complexes) -> tuple[NDArray[np.float32], Floats]:
 
     As of :func:`_single`.
     """
-    out = np.empty((X.shape[2], X.shape[1], 2, len(X)))
-    out[:, :, 0], out[:, :, 1] = X.real.T, X.imag.T
-    return _single(out)
+    size = np.maximum(np.abs(X.real).max(axis=(0, 1)), np.abs(X.imag).max(axis=(0, 1)))
+    size = np.maximum(size, 1e-300)
+    out = np.empty((X.shape[2], X.shape[1], 2, len(X)), dtype=np.float32)
+    out[:, :, 0], out[:, :, 1] = ((part / size).astype(np.float32).T for part in (X.real, X.imag))
+    out[np.abs(out) < TINY] = 0.0
+    return out, size
 
 
 def _single(X: Floats) -> tuple[NDArray[np.float32], Floats]:

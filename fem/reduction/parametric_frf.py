@@ -20,6 +20,7 @@ from fem.reduction.scaling import scale_factors
 from fem.reduction.series import with_series
 from fem.reduction.terms import ReducedTerm, combined
 
+_Array = NDArray[np.complex128]
 _Forces = dict[int, NDArray[np.complex128]]
 """Forces (m, n_in, n_freq) of parameters, by their rows."""
 
@@ -165,9 +166,7 @@ class ParametricFRF:
         self._n = n
         self._damped: dict[bool, NDArray[np.float64]] = {}
         # A step that is tried without derivatives is often asked for them next.
-        self._last: (
-            tuple[bytes, ModalSolution, NDArray[np.complex128], dict[str, Any], list[ReducedTerm]] | None
-        )
+        self._last: tuple[bytes, ModalSolution, _Array, dict[str, Any], list[ReducedTerm], _Array] | None
         self._last = None
         self._anchor: tuple[NDArray[np.float64], dict[str, Any], list[ReducedTerm]] | None = None
 
@@ -413,9 +412,9 @@ class ParametricFRF:
         at = values.tobytes() + zeta.tobytes()
         if self._last is None or self._last[0] != at:
             state, total, alone = self.solve(values, zeta)
-            self._last = (at, state, state.solve(self.ends(values)[1]), total, alone)
-        _, state, Xi, total, alone = self._last
-        H = self.read(values, state, Xi)
+            Xi = state.solve(self.ends(values)[1])
+            self._last = (at, state, Xi, total, alone, self.read(values, state, Xi))
+        _, state, Xi, total, alone, H = self._last
         if not gradient:
             return self.referred(H), None, None
         dH, by_zeta = self._derivatives(values, zeta, state, Xi, total, alone)

@@ -193,42 +193,41 @@ class Forecast:
             out.low[rows] = look.low_levels(low, most[rows], one_sided[rows])
             if changes:
                 out.changes[rows] = full
-            groups: dict[tuple[ParameterRef, ...], list[int]] = {}
-            for k, i in enumerate(rows):
-                groups.setdefault(replaced[out.owner[i]], []).append(k)
-            for without, some in groups.items():
-                i = rows[some]
-                out._judge(i, full[some], without, most[i], one_sided[i])
+            out._judge(rows, full, [replaced[k] for k in out.owner[rows]], most[rows], one_sided[rows])
         return out
 
     def _judge(
         self,
         rows: Ints,
         change: Complexes,
-        replaced: tuple[ParameterRef, ...],
+        replaced: Sequence[tuple[ParameterRef, ...]],
         most: Floats,
         one_sided: NDArray[np.bool_],
     ) -> None:
-        """Write what changes (n, m) of the residuals by effects that replace the same parameters do."""
+        """Write what changes (n, m) of the residuals by effects that replace some parameters do."""
         look, m = self.look, len(self.look.share)
-        now = look.adapted(look.now[None], replaced, look.off)[0]
-        moved = look.adapted(change, replaced)
+        every = list(dict.fromkeys(replaced))
+        which = {refs: k for k, refs in enumerate(every)}
+        now = look.adapted_each(np.tile(look.now, (len(every), 1)), every, look.off)
+        now = now[[which[refs] for refs in replaced]]
+        moved = look.adapted_each(change, replaced)
         a = self.factor[rows] = look.best_multiples(now, moved, most, one_sided)
         seen = look.sees(most[:, None] * moved, look.resolution)
         parts = look.parts(now + a[:, None] * moved)
         self.cost[rows] = np.where(seen, look.cost_of(*parts), np.inf)
-        self.evidence[rows] = look.log_evidence(*parts) - look.log_evidence(*look.parts(now[None]))
+        self.evidence[rows] = look.log_evidence(*parts) - look.log_evidence(*look.parts(now))
         self.sharpness[rows] = look.sharpness(moved, parts[0])
         # A model without the effect varies the parameter that the effect replaces, within its prior.
-        beyond = look.adapted(change) if replaced else moved
+        beyond = look.adapted(change) if any(replaced) else moved
         of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
         self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
         whole = np.maximum(np.abs(change) ** 2 @ look.weights[:m], LEAST_SQUARE)
         self.left[rows] = (look.whitened(beyond) ** 2).sum(axis=1) / whole
-        v, y = look.whitened(moved), look.whitened(now[None])[0]
+        v, y = look.whitened(moved), look.whitened(now)
         square = (v**2).sum(axis=1)
         self.precision[rows] = np.sqrt(square)
-        self.share[rows] = -a * (2 * (v @ y) + a * square) / max(float(y @ y), LEAST_SQUARE)
+        taken = -a * (2 * (v * y).sum(axis=1) + a * square)
+        self.share[rows] = taken / np.maximum((y**2).sum(axis=1), LEAST_SQUARE)
         if len(self.vectors):
             self.vectors[rows] = look.whitened(beyond)
 

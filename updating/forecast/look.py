@@ -5,7 +5,7 @@ the grid costs what its few DOFs cost. Kinds of data differ in their changes of 
 :mod:`updating.inference.residual_changes`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Generic, TypeVar
@@ -443,18 +443,33 @@ class Look(Generic[P, C]):
         Behind them stand those of prior knowledge, (n, m + n_all), which begin at ``off`` or, for changes of
         residuals, at 0. Parameters that an effect replaces stay as they are, and nothing is known of them.
         """
+        return self.adapted_each(r, [tuple(replaced)] * len(r), off)
+
+    def adapted_each(
+        self, r: Complexes, replaced: Sequence[tuple[ParameterRef, ...]], off: Floats | None = None
+    ) -> Complexes:
+        """Return :meth:`adapted` of residuals (n, m) with effects that replace different parameters."""
         known = np.zeros((len(r), len(self.off))) if off is None else np.tile(off, (len(r), 1))
-        known[:, [k for k, ref in enumerate(self.prior_of) if ref in replaced]] = 0.0
+        alike: dict[tuple[ParameterRef, ...], list[int]] = {}
+        for k, refs in enumerate(replaced):
+            alike.setdefault(refs, []).append(k)
+        for refs, rows in alike.items():
+            known[np.ix_(rows, [k for k, ref in enumerate(self.prior_of) if ref in refs])] = 0.0
         flat = np.hstack([r.real, r.imag, known])
-        rest, m = flat - self._moved(flat, replaced) @ self.slopes, r.shape[1]
+        rest, m = flat - self._moved(flat, alike) @ self.slopes, r.shape[1]
         return np.hstack([rest[:, :m] + 1j * rest[:, m : 2 * m], rest[:, 2 * m :]]).astype(complex)
 
-    def _moved(self, flat: Floats, replaced: Sequence[ParameterRef]) -> Floats:
-        """Return how far nuisance parameters move against residuals (n, 2 m + n_all), (n, n_nuisances)."""
+    def _moved(self, flat: Floats, alike: Mapping[tuple[ParameterRef, ...], Sequence[int]]) -> Floats:
+        """Return how far nuisance parameters move against residuals (n, 2 m + n_all), (n, n_nuisances).
+
+        Beside parameters that stay, with the rows beside which they do.
+        """
         C, back = self._nuisances
         moved: Floats = flat @ back.T
-        if fixed := [k for k, ref in enumerate(self.refs) if ref in replaced]:
-            moved -= moved[:, fixed] @ np.linalg.solve(C[np.ix_(fixed, fixed)], C[fixed])
+        for refs, rows in alike.items():
+            if fixed := [k for k, ref in enumerate(self.refs) if ref in refs]:
+                by_fixed = np.linalg.solve(C[np.ix_(fixed, fixed)], C[fixed])
+                moved[rows] -= moved[np.ix_(rows, fixed)] @ by_fixed
         return moved
 
     def hidden_by(
@@ -487,7 +502,7 @@ class Look(Generic[P, C]):
         if rows := [k for k, ref in enumerate(self.refs) if ref in fixed]:
             variance -= (C[:, rows] * np.linalg.solve(C[np.ix_(rows, rows)], C[rows]).T).sum(axis=1)
         flat = np.concatenate([change.real, change.imag, np.zeros(len(self.off))])
-        x = self._moved(flat[None], fixed)[0, :n]
+        x = self._moved(flat[None], {tuple(fixed): [0]})[0, :n]
         gain = x**2 / np.maximum(variance[:n], SMALL * C.diagonal()[:n])
         gain[rows] = -np.inf
         return self.refs[int(np.argmax(gain))]
@@ -511,7 +526,7 @@ def _best_multiples(
     one_sided: bool | NDArray[np.bool_],
     weight: Floats,
 ) -> Floats:
-    """Return the best multiples (n,) of changes (n, m) of residuals (m,).
+    """Return the best multiples (n,) of changes (n, m) of residuals (m,) or (n, m).
 
     Within ± ``most`` (n,), or from 0 to it where they are one-sided.
     """
