@@ -224,6 +224,8 @@ def test_the_model_of_a_further_structure_comes_near_the_noise_where_nothing_is_
         ("NEWEST", "arch"),
         ("UNSEEN", "barrow"),
         ("UNSEEN", "ironing"),
+        ("SEALED", "trolley"),
+        ("SEALED", "walker"),
     ],
 )
 def test_natural_frequencies_of_a_later_structure_agree_where_the_model_is_exact(file, name, tmp_path):
