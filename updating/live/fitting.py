@@ -15,6 +15,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import QUICK_LINES, fit, fit_given, refit, scattered
 from updating.inference.frf_function import FrfFunction
+from updating.inference.frf_jacobian import FrfJacobian
 from updating.inference.solve import Solution
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
@@ -58,30 +59,35 @@ class _WatchedFunction(FrfFunction):
 
     watch: Watch | None = None
     free: frozenset[str] | None = None
-    _at: NDArray[np.float64] | None = None
+    _begun: NDArray[np.float64] | None = None
 
     def __call__(
         self, x: NDArray[np.float64], gradient: bool
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
-        if self.watch is not None:
+        if self.watch is not None and not gradient:
             self.watch.step()
         return super().__call__(x, gradient)
+
+    def linearised(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], FrfJacobian]:
+        if self.watch is not None:
+            self.watch.step()
+        return super().linearised(x)
 
     def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int, **more: Any) -> Solution:
         if self.watch is not None:
             self.watch.stage()
         limits = super().limits()
-        self._at = np.clip(x, limits[:, 0], limits[:, 1])
+        self._begun = np.clip(x, limits[:, 0], limits[:, 1])
         return super().minimise(x, stage, max_iterations, **more)
 
     def limits(self) -> NDArray[np.float64]:
         limits = super().limits()
-        if self.free is None or self._at is None:
+        if self.free is None or self._begun is None:
             return limits
         added = {e.name for e in self.effects}
         names = [v.ref[0] if v.ref[0] in added else "" for v in self.variables]
         fixed = np.array([name not in self.free for name in names + [""] * (len(limits) - len(names))])
-        limits[fixed] = self._at[fixed, None]
+        limits[fixed] = self._begun[fixed, None]
         return limits
 
 
