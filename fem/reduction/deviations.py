@@ -239,9 +239,9 @@ class DeviatingFRF(ParametricFRF):
             self._constant = self._constant_slopes(n)
         constant_rows, keys, stack, sizes = self._constant
         stack[:n], sizes[:n] = _single(np.array(changing))
-        factors = [f for _, f, _ in moving.values()] + their
-        factors += [by[key] if isinstance(key, str) else key for key in keys]
-        return rows + constant_rows, np.array(factors) * sizes[:, None], stack
+        constant = [by[key] if isinstance(key, str) else key for key in keys]
+        factors: Complexes = np.array([*(f for _, f, _ in moving.values()), *their, *constant], dtype=complex)
+        return rows + constant_rows, factors * sizes[:, None], stack
 
     def _constant_slopes(self, n_before: int) -> tuple[list[int], list[Any], NDArray[np.float32], Floats]:
         """Return rows, factors or their keys, matrices and sizes of the slopes that do not depend on values.

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,17 +48,13 @@ class SetUpsFRF:
         self._loaded = [(s.rows, engine.with_mass(s.motions, s.mass)) for s in set_ups]
 
     def evaluate(
-        self, values: NDArray[np.float64], zeta: NDArray[np.float64], gradient: bool = True
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None, NDArray[np.complex128] | None]:
-        """Compute receptances and derivatives, as of :meth:`ParametricFRF.evaluate`."""
-        H, dH, by_zeta = self.engine.evaluate(values, zeta, gradient)
-        H = np.array(H)
-        dH, by_zeta = (None if x is None else np.array(x) for x in (dH, by_zeta))
+        self, values: NDArray[np.float64], zeta: NDArray[np.float64], gradient: Literal[False] = False
+    ) -> tuple[NDArray[np.complex128], None, None]:
+        """Compute receptances, as of :meth:`ParametricFRF.evaluate`; derivatives by :meth:`slopes_of`."""
+        H = np.array(self.engine.evaluate(values, zeta, gradient=False)[0])
         for rows, engine in self._loaded:
-            for whole, part in zip((H, dH, by_zeta), engine.evaluate(values, zeta, gradient), strict=True):
-                if whole is not None and part is not None:
-                    whole[..., rows, :] = part[..., rows, :]
-        return H, dH, by_zeta
+            H[:, rows] = engine.evaluate(values, zeta, gradient=False)[0][:, rows]
+        return H, None, None
 
     def slopes_of(
         self, values: NDArray[np.float64], zeta: NDArray[np.float64], units: NDArray[np.float64]

@@ -21,6 +21,7 @@ from updating.least_squares import (
     pseudo_huber_weight,
     step_within,
 )
+from updating.least_squares.levenberg_marquardt import promised_gain
 
 FREE = (np.full(2, -np.inf), np.full(2, np.inf))
 
@@ -43,6 +44,28 @@ class Squares:
     def linearised(self, point):
         r, J = self.r(point.x), self.J(point.x)
         return Linearisation(J.T @ r, J.T @ J)
+
+
+@dataclass(frozen=True, eq=False)
+class KeptLinearisation(Linearisation):
+    """A linearisation that lends its Jacobian to points near by."""
+
+    objective: "Squares"
+    J: np.ndarray
+
+    def again(self, point):
+        return KeptLinearisation(self.J.T @ self.objective.r(point.x), self.matrix, self.objective, self.J)
+
+
+class KeptSquares(Squares):
+    """The same, which keeps its Jacobians and counts them."""
+
+    n_made = 0
+
+    def linearised(self, point):
+        self.n_made += 1
+        r, J = self.r(point.x), self.J(point.x)
+        return KeptLinearisation(J.T @ r, J.T @ J, self, J)
 
 
 ROSENBROCK = (
@@ -70,6 +93,33 @@ def test_a_valley_is_followed_to_the_minimum_within_bounds(upper):
     expected = least_squares(*ROSENBROCK[:1], inside, jac=ROSENBROCK[1], bounds=(-5.0, high), xtol=1e-15)
     assert_allclose(found.point.x, expected.x, atol=1e-6)
     assert found.stop is Stop.CONVERGED
+
+
+def test_derivatives_serve_while_steps_gain_what_they_promise():
+    # nearly linear: each step is promised well, and the residuals alone are new
+    def r(x):
+        return np.array([x[0] + 0.02 * x[0] ** 2 - 1.0, x[1] + 0.01 * x[0] * x[1] + 2.0])
+
+    def J(x):
+        return np.array([[1 + 0.04 * x[0], 0.0], [0.01 * x[1], 1 + 0.01 * x[0]]])
+
+    plain, kept = Squares(r, J), KeptSquares(r, J)
+    expected, found = run(plain, [3.0, 3.0], damping=0.3), run(kept, [3.0, 3.0], damping=0.3)
+    assert_allclose(found.point.x, expected.point.x, atol=1e-6)
+    assert kept.n_made < found.n_iterations
+
+
+@pytest.mark.parametrize("limit", ["promised_gain", "actual_gain"])
+def test_derivatives_of_another_point_do_not_end_it(limit):
+    # where a kept gradient says that nothing is left to gain, new derivatives see that there is
+    start = [-1.2, 1.0]
+    plain, kept = (
+        run(kind(*ROSENBROCK), start, **{limit: Tolerance(1e-3)}) for kind in (Squares, KeptSquares)
+    )
+    assert kept.point.cost < max(plain.point.cost, 1e-3)
+    free = np.ones(2, dtype=bool)
+    last = Squares(*ROSENBROCK).linearised(kept.point)
+    assert promised_gain(last, free) < 1e-2
 
 
 def test_steps_do_not_depend_on_units():

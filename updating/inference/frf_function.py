@@ -74,7 +74,7 @@ class FrfFunction(FitFunction[FrfInputs]):
         if self._end is not None and self._end[0] == x.tobytes():
             return self._end[1], None
         beat()
-        return self._residuals(self._engine.evaluate(*self._at(x), gradient=False)[0]), None
+        return self._residuals(self._engine.evaluate(*self._point(x), gradient=False)[0]), None
 
     def linearised(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], FrfJacobian]:
         """Return the residuals, (m,), and their Jacobian."""
@@ -85,7 +85,7 @@ class FrfFunction(FitFunction[FrfInputs]):
         return self._end[1:]
 
     def _derived(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], FrfJacobian]:
-        (parameters, *_), (hats, _), (values, zeta) = self._parts, self._damping, self._at(x)
+        (parameters, *_), (hats, _), (values, zeta) = self._parts, self._damping, self._point(x)
         slopes = [v.slopes(xi) for v, xi in zip(self.variables, x[parameters], strict=True)]
         H, dH = self._engine.slopes_of(values, zeta, np.concatenate([*slopes, self._scatter_std]))
         weight = self.problem.data.weight[self.lines]
@@ -105,7 +105,7 @@ class FrfFunction(FitFunction[FrfInputs]):
         r = self.problem.data.weight[self.lines] * log_ratio(H, self._measured)
         return self.problem.data.seen(np.nan_to_num(r, nan=0.0)[self.keep])
 
-    def _at(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _point(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the values of all parameters and deviations, and the damping ratio at each line."""
         (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
         values = values_at(self.variables, x[parameters])
@@ -113,7 +113,7 @@ class FrfFunction(FitFunction[FrfInputs]):
 
     def receptance(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the receptances at the lines as the sensors read them, (n_lines, n_out, n_in)."""
-        return self._engine.evaluate(*self._at(x), gradient=False)[0]
+        return self._engine.evaluate(*self._point(x), gradient=False)[0]
 
     def anchor(self, x: NDArray[np.float64]) -> None:
         """Prepare :meth:`receptance` for many x that differ from this one in few variables."""

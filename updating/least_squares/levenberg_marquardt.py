@@ -218,7 +218,8 @@ def minimise(
     low, high = bounds
     point, linear = start, objective.linearised(start)
     damping, n_evaluations = control.damping, 0
-    for iteration in range(1, control.max_iterations + 1):
+    iteration, kept = 1, False
+    while iteration <= control.max_iterations:
         x, free = point.x, movable(point.x, linear, bounds)
         if not free.any():
             anything = (np.diag(linear.matrix) > 0).any()
@@ -226,11 +227,13 @@ def minimise(
         reach = control.reach(x)
         limits = np.maximum(-reach, low - x)[free], np.minimum(reach, high - x)[free]
         system = _ScaledStep.of(linear.among(free), linear.gradient[free], limits)
-        trial, step = None, np.zeros(len(x))
+        trial, step, first_damping = None, np.zeros(len(x)), damping
         for attempt in range(control.max_trials):
             step[free], promised = system.step(damping)
             trusted = attempt == 0 and damping <= control.trusted_damping
             if trusted and promised < control.promised_gain.of(point.cost):
+                if kept:
+                    break
                 return Minimum(point, linear, Stop.CONVERGED, iteration)
             if n_evaluations >= control.max_evaluations:
                 return Minimum(point, linear, Stop.OUT_OF_ITERATIONS, iteration)
@@ -240,6 +243,10 @@ def minimise(
                 break
             trial = None
             damping = min(max(control.raised_by * damping, control.least_raised), LARGEST_DAMPING)
+        if trial is None and kept:
+            # Derivatives of another point do not tell where the end is.
+            linear, kept, damping = objective.linearised(point), False, first_damping
+            continue
         if trial is None:
             return Minimum(point, linear, Stop.NO_DESCENT, iteration)
         gain, point, expected = point.cost - trial.cost, trial, linear.gain(trial.x - x)
@@ -250,12 +257,14 @@ def minimise(
         cut = (np.abs(step) >= reach).any()
         # One that gained much less than it promised has crossed a curved valley, and the floor falls on.
         crossed = gain < control.least_gain_ratio * expected
-        if gain < control.actual_gain.of(point.cost) and not cut and not crossed:
+        small = gain < control.actual_gain.of(point.cost)
+        if small and not cut and not crossed and not kept:
             return Minimum(point, linear, Stop.CONVERGED, iteration)
         if iteration < control.max_iterations:
-            low_ratio, high_ratio = KEPT_PROMISE
-            again = linear.again(point) if low_ratio * expected < gain < high_ratio * expected else None
-            linear = objective.linearised(point) if again is None else again
+            as_promised = KEPT_PROMISE[0] * expected < gain < KEPT_PROMISE[1] * expected
+            again = linear.again(point) if as_promised and not small else None
+            linear, kept = objective.linearised(point) if again is None else again, again is not None
+        iteration += 1
     return Minimum(point, linear, Stop.OUT_OF_ITERATIONS, control.max_iterations)
 
 

@@ -99,7 +99,7 @@ def fit_uncertain(live: LiveModel, h: Hypothesis, progress: Progress) -> Hypothe
     """
     problem = live.problem_of(h)
     if not h.effects:
-        watch = Watch(progress, "fitting uncertain parameters", len(problem.stages) + 7)
+        watch = Watch(progress, "fitting uncertain parameters", len(problem.stages) + 8)
         _, result, faults = begin_fitted(_watched(problem, watch), choose_damping=False)
         return _learnt(live, replace(h, faults=(*h.faults, *faults)).at(result))
     watch = Watch(progress, "fitting uncertain parameters", 2)
