@@ -416,23 +416,24 @@ class ModesAt:
             P = None if term.L is None else term.L @ V
             u = x if term.L is None else term.L @ x
             for factor, X in term.parts(factors, omega):
-                force = factor[at] * (X @ u)
-                by[p] += (u * force).sum(axis=0)
+                force, size = X @ u, factor[at]  # real where damping is followed to the first order
+                by[p] += (u * force).sum(axis=0) * size
                 if not self.outputs.shape[1]:
                     continue
                 if like:
-                    moved[p] += V.T @ force if P is None else P.T @ force
+                    moved[p] += ((V if P is None else P).T @ force) * size
                     continue
                 for c, pairs in enumerate(others):
                     spread = force[:, c] if term.L is None else term.L.T @ force[:, c]
-                    moved[p, :, c] += pairs.vectors.T @ spread
+                    moved[p, :, c] += (pairs.vectors.T @ spread) * size[c]
         shapes = []
         for c, (_, k, _) in enumerate(modes):
             lam = others[c].eigenvalues
             apart, near = lam[k] - lam, (LEAST_EIGENVALUE_GAP * lam[k]) ** 2
             weight = apart / (apart**2 + near)
             weight[k] = 0.0
-            shapes.append((moved[:, :, c] * weight) @ others[c].shapes.T)
+            mixed = others[c].shapes * weight
+            shapes.append(moved[:, :, c].real @ mixed.T + 1j * (moved[:, :, c].imag @ mixed.T))
         return by, shapes
 
     def by_zeta(self, i: int, mode: DampedMode) -> Complexes:

@@ -141,8 +141,9 @@ class Look(Generic[P, C]):
     prior_of: tuple[ParameterRef, ...]
     off: Floats
     all_belong: bool = False
-    # Looks at one fit that weight readings differently share the changes of a grid.
-    _last: Recent = field(default_factory=lambda: Recent(1), repr=False)
+    # Looks at one fit that weight readings differently share the changes of a grid, and of a little of it.
+    _last: Recent = field(default_factory=lambda: Recent(2), repr=False)
+    _last_little: Recent = field(default_factory=lambda: Recent(1), repr=False)
     # By the nuisance parameters that an effect replaces.
     _projections: dict[tuple[ParameterRef, ...], Floats] = field(default_factory=dict, init=False, repr=False)
 
@@ -291,6 +292,9 @@ class Look(Generic[P, C]):
 
     def little(self, grid: Grid) -> SmallChange:
         """Return the slopes of the residuals of the full band by a candidate."""
+        return self._last_little.get(grid, lambda: self._little(grid))
+
+    def _little(self, grid: Grid) -> SmallChange:
         little = Little.of(grid, self.base.values)
         change = self.small_changes(little)[:, self.residuals.full_band]
         return SmallChange(grid, little.points, little.absent, little.most, change)

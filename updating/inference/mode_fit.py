@@ -22,7 +22,7 @@ from updating.inference.carried_modes import CarriedModes
 from updating.inference.common_errors import CommonErrors
 from updating.inference.defaults import BASIS_LINES, EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
-from updating.inference.fit_function import ROBUST, Errors, FitFunction, propagated
+from updating.inference.fit_function import Errors, FitFunction, propagated
 from updating.inference.fit_result import FitResult, fitted_model
 from updating.inference.mode_changes import ModeChanges
 from updating.inference.mode_targets import (
@@ -40,7 +40,6 @@ from updating.inference.problem import Problem
 from updating.inference.solve import Solution
 from updating.inference.unknowns import by_unknowns, values_at
 from updating.inference.visible_modes import visible_modes
-from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
 
 FREQUENCY, DAMPING, SHAPE = 0, 1, 2
@@ -554,7 +553,11 @@ class ModeFunction(FitFunction[ModeProblem]):
         found = solve(believing.minimise(x, stage, max_iterations, **how).x, stage, max_iterations, **how)
         if self.levels().is_bad(self.misfit(found.x)).max() < DOUBT:
             return found
-        return min(found, solve(x, stage, max_iterations, **how), key=lambda s: s.cost)
+        # From the start it goes on only if a second step like the first would make it the better one.
+        start, first = solve(x, stage, 0, **how), solve(x, stage, 1, **how)
+        if 2 * first.cost - start.cost > found.cost:
+            return found
+        return min(found, solve(first.x, stage, max_iterations, **how), key=lambda s: s.cost)
 
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
