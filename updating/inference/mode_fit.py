@@ -637,15 +637,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         if self._data.has_shapes:
             a, i = np.nonzero(partner >= 0)
             phi = (x[a, i][:, None] @ stack.outputs[a])[:, 0]
-            shaped = self._shape_residuals(
-                partner.shape,
-                (a, i),
-                partner[a, i],
-                phi,
-                stack.eigenvalues[a],
-                stack.n_rigid[a],
-                stack.shapes[a],
-            )
+            shaped = self._shape_residuals(partner.shape, (a, i), partner[a, i], phi, *stack.rows(a, i))
         return np.where(stack.is_structure[:, None], self._residuals(lam, shaped), np.nan)
 
     def _residuals(self, eigenvalues: Complexes, shaped: ShapeResiduals | None) -> Complexes:
