@@ -1,7 +1,7 @@
 """Natural frequencies, damping and shapes of a reduced model as functions of parameters, with derivatives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -273,31 +273,33 @@ class ModesAt:
         return ModesAt(self.reduced, self.omega, self._zeta, total, self.outputs, self.columns)
 
     def with_each(self, terms: Sequence[ReducedTerm]) -> "ModeStack":
-        """Return the modes with each of some terms of one place, which have no laws."""
-        P = self.columns if terms[0].L is None else terms[0].L @ self.columns
-        total = {key: np.repeat(self._total[key][None], len(terms), axis=0) for key in STACKED}
+        """Return the modes with each of some terms of one place, which have as many laws."""
+        n, P = len(terms), self.columns if terms[0].L is None else terms[0].L @ self.columns
+        total = {key: np.repeat(self._total[key][None], n, axis=0) for key in STACKED}
         for key in "KMCD":
-            for n, term in enumerate(terms):
+            for k, term in enumerate(terms):
                 X = getattr(term, key)
                 if X is not None and X.any():
                     more = P.T @ X @ P
-                    total[key][n] += more
+                    total[key][k] += more
                     if key == "K" and term.connection:
-                        total["connections"][n] += more
+                        total["connections"][k] += more
+        laws = [
+            (np.repeat(f[None], n, axis=0), np.repeat(X[None], n, axis=0)) for f, X in self._total["laws"]
+        ]
+        for each in zip(*(term.laws for term in terms), strict=True):
+            matrices = np.stack([P.T @ X @ P for _, X in each])
+            laws.append((np.stack([factor(self.omega) for factor, _ in each]), matrices))
         n_basis = self.reduced.basis.T.shape[1]
         return ModeStack(
             self.reduced,
             self.omega,
             (self._members, self._connections, np.broadcast_to(self._mass, self.omega.shape)),
             total,
-            np.repeat(self.outputs[None], len(terms), axis=0),
-            np.repeat(self.columns[None, :n_basis], len(terms), axis=0),
+            tuple(laws),
+            np.repeat(self.outputs[None], n, axis=0),
+            np.repeat(self.columns[None, :n_basis], n, axis=0),
         )
-
-    @property
-    def depends_on_frequency(self) -> bool:
-        """Whether any of the matrices does."""
-        return bool(self._total["laws"])
 
     def pairs(self, i: int) -> Pairs:
         """Return all undamped modes, with what depends on frequency at that of the mode asked for."""
@@ -416,23 +418,24 @@ class ModesAt:
             P = None if term.L is None else term.L @ V
             u = x if term.L is None else term.L @ x
             for factor, X in term.parts(factors, omega):
-                force = factor[at] * (X @ u)
-                by[p] += (u * force).sum(axis=0)
+                force, size = X @ u, factor[at]  # real where damping is followed to the first order
+                by[p] += (u * force).sum(axis=0) * size
                 if not self.outputs.shape[1]:
                     continue
                 if like:
-                    moved[p] += V.T @ force if P is None else P.T @ force
+                    moved[p] += ((V if P is None else P).T @ force) * size
                     continue
                 for c, pairs in enumerate(others):
                     spread = force[:, c] if term.L is None else term.L.T @ force[:, c]
-                    moved[p, :, c] += pairs.vectors.T @ spread
+                    moved[p, :, c] += (pairs.vectors.T @ spread) * size[c]
         shapes = []
         for c, (_, k, _) in enumerate(modes):
             lam = others[c].eigenvalues
             apart, near = lam[k] - lam, (LEAST_EIGENVALUE_GAP * lam[k]) ** 2
             weight = apart / (apart**2 + near)
             weight[k] = 0.0
-            shapes.append((moved[:, :, c] * weight) @ others[c].shapes.T)
+            mixed = others[c].shapes * weight
+            shapes.append(moved[:, :, c].real @ mixed.T + 1j * (moved[:, :, c].imag @ mixed.T))
         return by, shapes
 
     def by_zeta(self, i: int, mode: DampedMode) -> Complexes:
@@ -447,9 +450,10 @@ class ModesAt:
 
 @dataclass(eq=False)
 class ModeStack:
-    """Modes of n sets of matrices on r coordinates each, none of which depends on frequency.
+    """Modes of n sets of matrices on r coordinates each.
 
-    One call of LAPACK for all costs a third of one for each, and everything behind it a tenth.
+    One call of LAPACK for all costs a third of one for each, and everything behind it a tenth. What depends
+    on frequency is taken at the first one that is asked for, except by :meth:`damped` and :meth:`rows`.
 
     Attributes
     ----------
@@ -460,6 +464,8 @@ class ModeStack:
         Factors of the members' and the connections' stiffness, and of the mass matrix.
     total : dict
         K, M, C, D and ``connections``, (n, r, r).
+    laws : tuple of (ndarray (n, n_modes), ndarray (n, r, r))
+        What depends on frequency: factors at each, and matrices.
     outputs : ndarray (n, r, n_out)
     columns : ndarray (n, r_basis, r)
         The coordinates as combinations of the basis's columns.
@@ -469,31 +475,59 @@ class ModeStack:
     omega: Floats
     damping: tuple[Complexes, Complexes, Complexes]
     total: dict[str, Floats]
+    laws: tuple[tuple[Complexes, Floats], ...]
     outputs: Floats
     columns: Floats
 
     @classmethod
     def joined(cls, stacks: "Sequence[ModeStack]") -> "ModeStack":
-        """Return stacks on as many coordinates, of one model and one damping, as one."""
+        """Return stacks on as many coordinates and with as many laws, of one model and damping, as one."""
         first = stacks[0]
         total = {key: np.concatenate([s.total[key] for s in stacks]) for key in STACKED}
+        laws = tuple(
+            (np.concatenate([f for f, _ in each]), np.concatenate([X for _, X in each]))
+            for each in zip(*(s.laws for s in stacks), strict=True)
+        )
         outputs, columns = (np.concatenate([getattr(s, k) for s in stacks]) for k in ("outputs", "columns"))
-        return cls(first.reduced, first.omega, first.damping, total, outputs, columns)
+        return cls(first.reduced, first.omega, first.damping, total, laws, outputs, columns)
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """Numbers of sets, of their coordinates and of laws."""
+        return *self.columns.shape[::2], len(self.laws)
+
+    def _stiffness_of_laws(self, i: int) -> Floats:
+        return np.sum([f[:, i].real[:, None, None] * X for f, X in self.laws], axis=0)
+
+    def _at(self, i: int) -> "ModeStack":
+        """Return the stack with what depends on frequency at that of one mode alone."""
+        if not self.laws or not i:
+            return self
+        if i not in self._at_others:
+            laws = tuple((f[:, [i]], X) for f, X in self.laws)
+            self._at_others[i] = replace(self, laws=laws)
+        return self._at_others[i]
+
+    @cached_property
+    def _at_others(self) -> "dict[int, ModeStack]":
+        return {}
 
     @cached_property
     def _solved(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         K, M, inverse = self.total["K"], self.total["M"], np.zeros_like(self.total["M"])
-        there = np.ones(len(M), dtype=bool)
+        if self.laws:
+            K = K + self._stiffness_of_laws(0)
+        there = np.isfinite(K).all(axis=(1, 2)) & np.isfinite(M).all(axis=(1, 2))
         try:
-            inverse = np.linalg.inv(np.linalg.cholesky(M))
+            inverse[there] = np.linalg.inv(np.linalg.cholesky(M[there]))
         except np.linalg.LinAlgError:
-            for n, each in enumerate(M):
+            for n in np.flatnonzero(there):
                 try:
-                    inverse[n] = np.linalg.inv(np.linalg.cholesky(each))
+                    inverse[n] = np.linalg.inv(np.linalg.cholesky(M[n]))
                 except np.linalg.LinAlgError:
                     there[n] = False
-        there &= np.isfinite(K).all(axis=(1, 2))
-        A = np.where(there[:, None, None], inverse @ K @ inverse.transpose(0, 2, 1), 0.0)
+        A = np.zeros_like(K)
+        A[there] = inverse[there] @ K[there] @ inverse[there].transpose(0, 2, 1)
         lam, Y = np.linalg.eigh(A)
         return lam, inverse.transpose(0, 2, 1) @ Y, there
 
@@ -522,6 +556,17 @@ class ModeStack:
         """Undamped modes at the outputs, (n, n_out, r)."""
         return self.outputs.transpose(0, 2, 1) @ self.vectors
 
+    def rows(self, a: NDArray[np.int64], i: NDArray[np.int64]) -> tuple[Floats, NDArray[np.int64], Floats]:
+        """Return eigenvalues, ``n_rigid`` and shapes of all modes of sets a at the frequencies of modes i."""
+        if not self.laws:
+            return self.eigenvalues[a], self.n_rigid[a], self.shapes[a]
+        each = [self._at(k) for k in i.tolist()]
+        pairs = list(zip(each, a.tolist(), strict=True))
+        lam, rigid, shapes = (
+            [getattr(s, key)[n] for s, n in pairs] for key in ("eigenvalues", "n_rigid", "shapes")
+        )
+        return np.stack(lam), np.array(rigid), np.stack(shapes)
+
     def damped(self, partner: NDArray[np.int64]) -> tuple[Complexes, NDArray[Any]]:
         """Return the eigenvalues (n, n_modes) and vectors (n, n_modes, r) of modes with their damping.
 
@@ -532,24 +577,35 @@ class ModeStack:
         partner : ndarray of int (n, n_modes)
             Their numbers, -1 for none.
         """
-        members, connections, mass = self.damping
+        modes = np.arange(partner.shape[1])
+        if not self.laws:
+            return self._damped(partner, modes)
+        each = [self._at(i)._damped(partner[:, [i]], modes[[i]]) for i in modes.tolist()]
+        return np.hstack([lam for lam, _ in each]), np.concatenate([x for _, x in each], axis=1)
+
+    def _damped(self, partner: NDArray[np.int64], modes: NDArray[np.int64]) -> tuple[Complexes, NDArray[Any]]:
+        members, connections, mass = (factor[modes] for factor in self.damping)
         there, k = partner >= 0, np.maximum(partner, 0)
         x = np.take_along_axis(self.vectors, k[:, None], axis=2)
         lam = np.take_along_axis(self.eigenvalues, k, axis=1)
 
-        def of(key: str) -> Floats:
-            return (x * (self.total[key] @ x)).sum(axis=1)
+        def of(X: Floats) -> Floats:
+            return (x * (X @ x)).sum(axis=1)
 
         first = members * lam + mass
         if (connections != members).any():
-            first = first + (connections - members) * of("connections")
+            first = first + (connections - members) * of(self.total["connections"])
         out = np.where(there[:, None], x, 0.0).transpose(0, 2, 1)
-        if any(self.total[key].any() for key in "CD"):
-            resisting = self.omega * of("C") + of("D")
+        if self.laws or any(self.total[key].any() for key in "CD"):
+            resisting = self.omega[modes] * of(self.total["C"]) + of(self.total["D"])
+            # Laws include losses: their stiffness is not damped as members are.
+            for f, X in self.laws:
+                s = of(X)
+                resisting, first = resisting + f[:, :1].imag * s, first + (1 - members) * f[:, :1].real * s
             first = first + 1j * resisting
             a, i = np.nonzero(there & (np.abs(resisting) > FIRST_ORDER * np.maximum(lam, 1e-300)))
             if len(a):
-                values, moved = self._followed(a, i, k[a, i])
+                values, moved = self._followed(a, modes[i], k[a, i])
                 out = out.astype(complex)
                 first[a, i], out[a, i] = values, moved
         return np.where(there, first, np.nan), out
@@ -558,13 +614,20 @@ class ModeStack:
         self, a: NDArray[np.int64], i: NDArray[np.int64], k: NDArray[np.int64]
     ) -> tuple[Complexes, Complexes]:
         """Return modes k of sets a with strong local damping at frequencies i."""
-        members, connections, mass = self.damping
+        members, connections, mass = (factor[i] for factor in self.damping)
         some, row = np.unique(a, return_inverse=True)
         V = self.vectors[some]
-        modal = {key: V.transpose(0, 2, 1) @ self.total[key][some] @ V for key in ("C", "D", "connections")}
-        S = self.omega[i][:, None, None] * modal["C"][row] + modal["D"][row]
-        A = (connections - members)[i][:, None, None] * modal["connections"][row] + 1j * S
+
+        def modal(X: Floats) -> Floats:
+            return (V.transpose(0, 2, 1) @ X[some] @ V)[row]
+
+        S = self.omega[i][:, None, None] * modal(self.total["C"]) + modal(self.total["D"])
+        A = (connections - members)[:, None, None] * modal(self.total["connections"])
+        for f, X in self.laws:
+            S = S + f[a, 0].imag[:, None, None] * modal(X)
+            A = A + ((1 - members) * f[a, 0].real)[:, None, None] * modal(X)
+        A = A + 1j * S
         n = np.arange(V.shape[2])
-        A[:, n, n] += members[i][:, None] * self.eigenvalues[a]
+        A[:, n, n] += members[:, None] * self.eigenvalues[a]
         values, y = with_strong_damping(A, S, self.eigenvalues[a], k)
-        return values + mass[i], (V[row] @ y[:, :, None])[:, :, 0]
+        return values + mass, (V[row] @ y[:, :, None])[:, :, 0]

@@ -143,8 +143,9 @@ class Look(Generic[P, C]):
     prior_of: tuple[ParameterRef, ...]
     off: Floats
     all_belong: bool = False
-    # Looks at one fit that weight readings differently share the changes of a grid.
-    _last: Recent = field(default_factory=lambda: Recent(1), repr=False)
+    # Looks at one fit that weight readings differently share the changes of a grid, and of a little of it.
+    _last: Recent = field(default_factory=lambda: Recent(2), repr=False)
+    _last_little: Recent = field(default_factory=lambda: Recent(1), repr=False)
 
     @classmethod
     def of(
@@ -291,6 +292,9 @@ class Look(Generic[P, C]):
 
     def little(self, grid: Grid) -> SmallChange:
         """Return the slopes of the residuals of the full band by a candidate."""
+        return self._last_little.get(grid, lambda: self._little(grid))
+
+    def _little(self, grid: Grid) -> SmallChange:
         little = Little.of(grid, self.base.values)
         change = self.small_changes(little)[:, self.residuals.full_band]
         return SmallChange(grid, little.points, little.absent, little.most, change)

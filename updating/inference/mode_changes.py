@@ -7,7 +7,6 @@ own: all from the modal basis, so that a candidate costs the same on any mesh.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -103,7 +102,7 @@ class ModeChanges(ResidualChanges):
         out = np.full((len(terms), len(self.now)), np.nan, dtype=complex)
         places = dict[Any, list[int]]()
         for n, term in enumerate(terms):
-            places.setdefault((term.place, bool(term.laws)), []).append(n)
+            places.setdefault((term.place, len(term.laws)), []).append(n)
         stacks = dict[tuple[int, ...], list[tuple[list[int], ModeStack]]]()
         for some in places.values():
             here = [terms[n] for n in some]
@@ -111,13 +110,8 @@ class ModeChanges(ResidualChanges):
                 at, here = self._with_lacking(self.around(tuple(released), here[0]), here)
             except (np.linalg.LinAlgError, ValueError):  # no structure
                 continue
-            if here[0].laws or at.depends_on_frequency:
-                for n, term in zip(some, here, strict=True):
-                    with suppress(np.linalg.LinAlgError, ValueError):
-                        out[n] = self.function.residuals(at.with_term(term))[0]
-                continue
             stack = at.with_each(here)
-            stacks.setdefault(stack.columns.shape[1:], []).append((some, stack))
+            stacks.setdefault(stack.size[1:], []).append((some, stack))
         for alike in stacks.values():
             together = ModeStack.joined([stack for _, stack in alike])
             out[[n for some, _ in alike for n in some]] = self.function.residuals_in(together)

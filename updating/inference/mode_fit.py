@@ -557,7 +557,11 @@ class ModeFunction(FitFunction[ModeProblem]):
         found = solve(believing.minimise(x, stage, max_iterations, **how).x, stage, max_iterations, **how)
         if self.levels().is_bad(self.misfit(found.x)).max() < DOUBT:
             return found
-        return min(found, solve(x, stage, max_iterations, **how), key=lambda s: s.cost)
+        # From the start it goes on only if a second step like the first would make it the better one.
+        start, first = solve(x, stage, 0, **how), solve(x, stage, 1, **how)
+        if 2 * first.cost - start.cost > found.cost:
+            return found
+        return min(found, solve(first.x, stage, max_iterations, **how), key=lambda s: s.cost)
 
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
@@ -637,15 +641,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         if self._data.has_shapes:
             a, i = np.nonzero(partner >= 0)
             phi = (x[a, i][:, None] @ stack.outputs[a])[:, 0]
-            shaped = self._shape_residuals(
-                partner.shape,
-                (a, i),
-                partner[a, i],
-                phi,
-                stack.eigenvalues[a],
-                stack.n_rigid[a],
-                stack.shapes[a],
-            )
+            shaped = self._shape_residuals(partner.shape, (a, i), partner[a, i], phi, *stack.rows(a, i))
         return np.where(stack.is_structure[:, None], self._residuals(lam, shaped), np.nan)
 
     def _residuals(self, eigenvalues: Complexes, shaped: ShapeResiduals | None) -> Complexes:

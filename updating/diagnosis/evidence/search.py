@@ -144,11 +144,10 @@ class Maximum:
 
 
 def _shortly(
-    shared: tuple[Fits[P], P, Hypothesis], item: tuple[tuple[Effect, ...], Sequence[Start]]
+    shared: tuple[Fits[P], P, int], item: tuple[tuple[Effect, ...], Sequence[Start]]
 ) -> list[Hypothesis]:
-    (fits, quick, base), (effects, starts) = shared, item
-    # Near the data the looks say which effects deserve a fit, and few do; all else must follow each of them.
-    return fits.shortly(quick, effects, starts, SHORT_STEPS if fits.is_far(base) else QUICK_STEPS)
+    (fits, quick, steps), (effects, starts) = shared, item
+    return fits.shortly(quick, effects, starts, steps)
 
 
 def _continued(shared: tuple[Fits[P], P, Hypothesis], item: list[Hypothesis]) -> Hypothesis:
@@ -443,6 +442,10 @@ class Search(Generic[P]):
         # Beside what explains the data all is nearly linear: fits reach what the looks promise.
         behind = TWIN_NATS if settled else 2 * TWIN_NATS
         best = now if self.explains(base) else -np.inf
+        # Near the data the looks say which effects deserve a fit, and few do; all else must follow each of
+        # them. With modes more deserve one beside what explains nothing.
+        few = settled or (self.fits.ranking.precise_looks and not self.fits.is_far(base))
+        steps = QUICK_STEPS if few else SHORT_STEPS
         short: list[tuple[list[Hypothesis], bool]] = []
         rest = [p for p in proposals if p.starts]
         while rest:
@@ -456,7 +459,7 @@ class Search(Generic[P]):
                 ((*base.effects, *p.effects), [Start((*kept, *s.values), near or s.near) for s in p.starts])
                 for p in these
             ]
-            fitted = self.workers.map(_shortly, (self.fits, quick, base), wanted)
+            fitted = self.workers.map(_shortly, (self.fits, quick, steps), wanted)
             short += [(f, p.is_first) for f, p in zip(fitted, these, strict=True) if f]
             best = max([best, *(fits[0].score for fits, _ in short)])
         if settled and self.fits.ranking.precise_looks:
@@ -566,7 +569,8 @@ class Search(Generic[P]):
         if not wanted:
             return h
         self.tell(f"fitting {len(wanted)} effects where the form is outside its usual range")
-        short = self.workers.map(_shortly, (self.fits, free, h), wanted)
+        steps = SHORT_STEPS if self.fits.is_far(h) else QUICK_STEPS
+        short = self.workers.map(_shortly, (self.fits, free, steps), wanted)
         best = {each[0].key: each[0] for each in short if each}
         fitted = self.all_full(list(best.values()))
         for f in fitted:
