@@ -346,11 +346,14 @@ def amplitudes_as_solved(
 def _gains(expected: ExpectedGains, squares: Floats, solved: Floats, effective: Floats) -> Floats:
     """Return expected gains (n,): of the effective multiples of a change, but at most twice those solved for.
 
-    Where unknowns follow to the first order they follow too well: fits gained once to twice as much.
+    Where unknowns follow to the first order they follow too well: fits gained once to twice as much. Not a
+    number of what is not solved for.
     """
-    one = np.ones(len(effective))
-    as_solved = expected.gains(one, solved[:, :-1], solved[:, -1])
-    return np.minimum(expected.gains(effective, squares[:, :-1], squares[:, -1]), 2 * as_solved)
+    out, known = np.full(len(effective), np.nan), np.isfinite(effective)
+    some, solved, squares = effective[known], solved[known], squares[known]
+    as_solved = expected.gains(np.ones(len(some)), solved[:, :-1], solved[:, -1])
+    out[known] = np.minimum(expected.gains(some, squares[:, :-1], squares[:, -1]), 2 * as_solved)
+    return out
 
 
 def _followed(littles: Sequence[Little]) -> Ints:
