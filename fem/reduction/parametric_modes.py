@@ -435,7 +435,8 @@ class ModesAt:
             weight = apart / (apart**2 + near)
             weight[k] = 0.0
             mixed = others[c].shapes * weight
-            shapes.append(moved[:, :, c].real @ mixed.T + 1j * (moved[:, :, c].imag @ mixed.T))
+            real, imag = np.real(moved[:, :, c]), np.imag(moved[:, :, c])
+            shapes.append(real @ mixed.T + 1j * (imag @ mixed.T))
         return by, shapes
 
     def by_zeta(self, i: int, mode: DampedMode) -> Complexes:
@@ -517,7 +518,7 @@ class ModeStack:
         K, M, inverse = self.total["K"], self.total["M"], np.zeros_like(self.total["M"])
         if self.laws:
             K = K + self._stiffness_of_laws(0)
-        there = np.isfinite(K).all(axis=(1, 2)) & np.isfinite(M).all(axis=(1, 2))
+        there = np.asarray(np.isfinite(K + M).all(axis=(1, 2)))
         try:
             inverse[there] = np.linalg.inv(np.linalg.cholesky(M[there]))
         except np.linalg.LinAlgError:

@@ -20,6 +20,7 @@ from updating import (
 from updating.inference import match, n_below
 from updating.inference.fitting import fit
 from updating.inference.mode_fit import BAD_PRIOR
+from updating.inference.mode_targets import match_each
 
 E = Nuisance("frame", "E:steel", 0.02)
 KINDS = ["support_flexibility", "point_mass", "member_stiffness"]
@@ -113,6 +114,21 @@ def test_a_reading_that_is_no_mode_does_not_shift_the_pairs_above_it(softer, bad
     found = problem.computed(fit(problem))
     assert found.partner.tolist() == [0, 1, 2, -1, 3, 4, 5, 6, 7]
     assert np.nanmax(np.abs(np.log(found.frequency / targets.frequency))) < 0.02
+
+
+@pytest.mark.parametrize("alien", [0.0, 0.015])
+def test_modes_of_many_models_find_the_partners_that_each_finds_alone(alien):
+    rng = np.random.default_rng(0)
+    targets = ModeTargets.of(np.sort(rng.uniform(10, 100, 7)), 1e-3)
+    computed, seen = np.sort(rng.uniform(5, 150, (60, 12)), axis=1), rng.random((60, 12)) < 0.7
+    together = match_each(targets, computed, np.zeros((60, 0, 12)), seen, 0.05, alien).partner
+    for k in range(60):
+        alone = match(targets, computed[k], np.zeros((0, 12)), seen[k], 0.05, alien).partner
+        assert together[k].tolist() == alone.tolist()
+        found = alone[alone >= 0]
+        assert seen[k, found].all()
+        assert (np.diff(found) > 0).all()
+        assert alien or len(found) == min(7, seen[k].sum())
 
 
 def test_a_mode_off_by_more_than_the_fit_is_no_reason_to_take_its_neighbour():

@@ -84,6 +84,35 @@ def test_a_hinge_turns_what_has_mass_beside_any_modulus(softer):
     assert moved > 3
 
 
+@pytest.mark.parametrize("shapes", [True, False], ids=["shapes", "frequencies"])
+def test_points_of_a_grid_together_are_those_one_by_one(shapes):
+    """Of each kind, with what depends on frequency; one mass is less than none."""
+    model = cantilever()
+    problem = build_mode_problem(model, measured(model, shapes=shapes), (E,))
+    changes = problem.changes_at(problem.nominal(), None, 0, 0)
+    kinds = {effect.kind: effect for effect in propose(model)}
+    n_laws = n_impossible = 0
+
+    def law(omega):
+        return (1 + 0.3j) * omega / (omega + 1000)
+
+    for effect in kinds.values():
+        points = Grid.of(problem, effect).points[::9]
+        terms = candidate_terms(problem, problem.nominal(), Grid(effect, points))
+        if effect.kind == "point_mass":
+            terms = (*terms, terms[0].times(-1e6))
+        if terms[-1].K is not None and terms[-1].L is not None:
+            terms = (*terms, *(replace(t, K=None, laws=((law, t.K),)) for t in terms[-2:]))
+        together = changes.by_terms(effect.released(), terms)
+        alone = np.concatenate([changes.by_terms(effect.released(), [term]) for term in terms])
+        n_laws += bool(terms[-1].laws)
+        n_impossible += int(np.isnan(alone).any(axis=1).sum())
+        assert np.array_equal(np.isnan(together), np.isnan(alone))
+        assert np.nanmax(np.abs(together - alone)) < 1e-6, effect.kind
+    assert n_laws > 0
+    assert n_impossible == 1
+
+
 def test_a_change_weaker_than_any_grid_is_ranked_first():
     model = cantilever()
     effect = next(e for e in every(model, "support_flexibility") if e.direction == "ry")

@@ -102,7 +102,7 @@ class ModeChanges(ResidualChanges):
         out = np.full((len(terms), len(self.now)), np.nan, dtype=complex)
         places = dict[Any, list[int]]()
         for n, term in enumerate(terms):
-            places.setdefault((term.place, len(term.laws)), []).append(n)
+            places.setdefault((term.place, _forces_alike(term)), []).append(n)
         stacks = dict[tuple[int, ...], list[tuple[list[int], ModeStack]]]()
         for some in places.values():
             here = [terms[n] for n in some]
@@ -237,6 +237,19 @@ class Opened:
         """Return the motion of the sensors by the opening in a mode, (n_out,)."""
         force = self.stiffness @ mode.vector - mode.eigenvalue.real * (self.mass @ mode.vector)
         return -(self.compliance @ force) @ self.outputs
+
+
+def _forces_alike(term: ReducedTerm) -> tuple[bytes, ...]:
+    """Return a key that terms on the same coordinates have in common if they are multiples of each other.
+
+    A mass at two places of one element acts on the same DOFs with other forces.
+    """
+    every = (term.K, term.M, term.C, term.D, *(X for _, X in term.laws))
+    largest = [0.0 if X is None else float(np.abs(X).max(initial=0.0)) for X in every]
+    return tuple(
+        (np.round(X / size, 6) + 0.0).tobytes() if X is not None and size > 0 else b""
+        for X, size in zip(every, largest, strict=True)
+    )
 
 
 def _power(n: int, omega: Floats) -> Floats:

@@ -444,7 +444,7 @@ class Search(Generic[P]):
         best = now if self.explains(base) else -np.inf
         # Near the data the looks say which effects deserve a fit, and few do; all else must follow each of
         # them. With modes more deserve one beside what explains nothing.
-        few = settled or (self.fits.ranking.precise_looks and not self.fits.is_far(base))
+        few = not self.fits.is_far(base) and (settled or self.fits.ranking.precise_looks)
         steps = QUICK_STEPS if few else SHORT_STEPS
         short: list[tuple[list[Hypothesis], bool]] = []
         rest = [p for p in proposals if p.starts]
