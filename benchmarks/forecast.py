@@ -1,15 +1,17 @@
 """Compare forecasts of effects with fits to data that have them: python -m benchmarks.forecast [STUDY...]
 
 Of each study, or of random frames where none is named, the test is planned again, without anything missing.
-Some candidates, of each kind as many, are put into the data at 3 and 5 of the standard deviations that their
-forecasts state, and the model is fitted with and without them, and with the most alike candidate of another
-place. The data have no noise, so that gains do not scatter.
+Some candidates, of each kind as many, are put into the data as large as their forecasts state for a gain of
+Some candidates, of each kind as many, are put into the data as large as their forecasts state for gains of
+place. The data have no noise, so that gains do not scatter. Small deviations of modes have one size for
+forecasts and fits. The table has a row for each kind: median and 90 % quantile of the errors at both sizes.
 """
 
 import argparse
+import json
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain, zip_longest
 from pathlib import Path
 
@@ -24,10 +26,12 @@ from updating.forecast import Forecast
 from updating.inference import FULL_LINES
 from updating.inference.fitting import fit
 from updating.plan.planned import as_planned
-from updating.plan.visibility import expected_gains
+from updating.plan.visibility import Rivals, amplitudes_as_solved, expected_gains, gains_of
 
 DEVIATIONS = (3.0, 5.0)
-"""Sizes of the effects, in standard deviations."""
+"""Roots of twice the gains for which effects are sized: in standard deviations, where nothing saturates."""
+LEAST_GAIN = 1.0
+"""Likenesses are compared where fits gain at least this [nats]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +42,7 @@ class Compared:
     ----------
     kind : str
     deviations : float
-        Size of the effect, in its forecast standard deviations.
+        Root of twice the gain for which it was sized.
     forecast, fitted : float
         Gains in log posterior [nats].
     std_ratio : float
@@ -80,14 +84,11 @@ def compared(problem: FitProblem, forecast: Forecast, i: int) -> Iterator[Compar
     little, place, base = forecast.littles[forecast.owner[i]], int(forecast.place[i]), problem.nominal()
     effect = little.grid.effect
     first = effect.parameters()[0].name
-    v = forecast.vectors
-    size = np.linalg.norm(v, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = np.nan_to_num(v @ v[i] / (size * size[i]))
-    elsewhere = np.array([e.where != effect.where for e in forecast.candidates])[forecast.owner]
-    rival = int(np.argmax(np.where(elsewhere, np.abs(cosine), -1.0)))
+    rival, cosine = most_alike(forecast, i)
     for n in DEVIATIONS:
-        factor = little.side(place, n / float(forecast.precision[i]))
+        wanted = np.full(len(forecast.owner), np.inf)
+        wanted[i] = 0.5 * n**2
+        factor = little.side(place, float(amplitudes_as_solved(forecast, wanted, 0.0)[i]))
         if np.isnan(factor):
             return
         there = forecast.effect_at(i, factor)
@@ -98,22 +99,43 @@ def compared(problem: FitProblem, forecast: Forecast, i: int) -> Iterator[Compar
         right = fit(known, [effect], [parameter_values(there)], **start)
         nothing = log_posterior(known, without)
         gained = log_posterior(known, right) - nothing
-        gain = float(expected_gains(forecast, np.full(len(forecast.owner), abs(factor)), 0.0)[i])
-        slope = abs(little.points[place][first]) / float(forecast.precision[i])
+        gain = gain_of(forecast, i, factor)
         likeness = fitted_likeness = np.nan
-        if elsewhere.any():
+        if rival is not None:
             other = forecast.littles[forecast.owner[rival]]
-            multiple = n * cosine[rival] * np.sign(factor) / float(forecast.precision[rival])
-            if other.reaches(int(forecast.place[rival]), multiple) and not (
-                multiple < 0 and other.grid.one_sided()
-            ):
+            lengths = np.linalg.norm(forecast.vectors[[i, rival]], axis=1)
+            multiple = factor * cosine * lengths[0] / lengths[1]
+            if gained > LEAST_GAIN and other.reaches(int(forecast.place[rival]), multiple):
                 at = forecast.effect_at(rival, multiple)
                 wrong = fit(known, [other.grid.effect], [parameter_values(at)], **start)
-                likeness = float(cosine[rival] ** 2)
+                likeness = float(cosine**2)
                 fitted_likeness = (log_posterior(known, wrong) - nothing) / gained
-        yield Compared(
-            effect.kind, n, gain, gained, right.std[effect.name, first] / slope, likeness, fitted_likeness
-        )
+        ratio = right.std[effect.name, first] / forecast.std(i, factor)
+        yield Compared(effect.kind, n, gain, gained, ratio, likeness, fitted_likeness)
+
+
+def most_alike(forecast: Forecast, i: int) -> tuple[int | None, float]:
+    """Return the place of the rival at another place that imitates an effect best, and their cosine."""
+    rivals = Rivals.of(forecast, np.zeros(len(forecast.owner)))
+    column, cosine = rivals.column, rivals.cosines(np.array([i]))[0]
+    elsewhere = np.array(
+        [e.where != forecast.candidates[forecast.owner[i]].where for e in forecast.candidates]
+    )
+    fits = elsewhere[forecast.owner[column]] & ((cosine > 0) | rivals.both[column])
+    if not fits.any():
+        return None, 0.0
+    best = int(np.argmax(np.where(fits, np.abs(cosine), -1.0)))
+    return int(column[best]), float(cosine[best])
+
+
+def gain_of(forecast: Forecast, i: int, factor: float) -> float:
+    """Return the expected gain of a multiple at the i-th place [nats].
+
+    That of as large a multiple of the change, or of the size as it is where that gains less.
+    """
+    linear = expected_gains(forecast, np.full(len(forecast.owner), abs(factor)), 0.0)[i]
+    solved = forecast.squares_at(np.array([i]), np.array([factor]))
+    return float(min(linear, gains_of(forecast, solved, 0.0)[0]))
 
 
 def some_of(forecast: Forecast, most: int, rng: np.random.Generator) -> list[int]:
@@ -145,12 +167,19 @@ def main() -> None:
     parser.add_argument("studies", nargs="*", type=Path)
     parser.add_argument("--cases", type=int, default=3, help="random frames, where no study is named")
     parser.add_argument("--each", type=int, default=24, help="candidates of each")
+    parser.add_argument("--kinds", nargs="+", help="these kinds alone")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--records", type=Path, help="file of JSON lines that is added to; the table is of all"
+    )
     options = parser.parse_args()
     rng, found = np.random.default_rng(options.seed), list[Compared]()
     for name, measured, every in problems(options.studies, options.cases):
         problem = as_planned(measured, measured.nominal())
-        candidates = [e for e in every if not e.is_form]
+        # Forecast and fits allow shifts of the same size.
+        if problem.scatter is not None:
+            problem = replace(problem, scatter=replace(problem.scatter, sizes=()))
+        candidates = [e for e in every if not e.is_form and e.kind in (options.kinds or {e.kind})]
         start = time.process_time()
         forecast = Forecast.at(problem, problem.nominal(), candidates, besides=0.0, vectors=True)
         seconds = time.process_time() - start
@@ -161,23 +190,45 @@ def main() -> None:
                 gains = f"gain {each.fitted:6.1f} for {each.forecast:6.1f} nats  std × {each.std_ratio:.2f}"
                 alike = f"likeness {each.fitted_likeness:.2f} for {each.likeness:.2f}"
                 print(f"  {each.kind:28s}{each.deviations:3.0f} σ  {gains}  {alike}", flush=True)
-    for n in DEVIATIONS:
-        if some := [c for c in found if c.deviations == n]:
-            print(f"{n:.0f} σ, {len(some)} effects: {summary(some)}")
+    if options.records:
+        with options.records.open("a", encoding="utf-8") as file:
+            file.writelines(json.dumps(asdict(c)) + "\n" for c in found)
+        lines = options.records.read_text(encoding="utf-8").splitlines()
+        found = [Compared(**json.loads(line)) for line in lines]
+    print(table(found))
 
 
-def summary(some: list[Compared]) -> str:
-    """Return how many gains, standard deviations and likenesses agree."""
-    gains = sum(abs(c.fitted - c.forecast) < max(3.0, 0.15 * c.forecast) for c in some)
-    stds = sum(abs(np.log(c.std_ratio)) < np.log(1.2) for c in some)
-    alike = [abs(c.fitted_likeness - c.likeness) < 0.05 for c in some if np.isfinite(c.likeness)]
-    ratio = ", ".join(
-        f"{np.quantile([c.fitted / c.forecast for c in some], q):.2f}" for q in (0.25, 0.5, 0.75)
+def table(found: list[Compared]) -> str:
+    """Return the errors of forecasts by kind, and how many are within 3 nats or 15 %, 20 % and 0.05."""
+    head = (
+        "kind",
+        "n",
+        "gain [nats]",
+        "gains agree",
+        "±, fit / forecast",
+        "± agree",
+        "likeness",
+        "likenesses agree",
     )
-    return (
-        f"{gains} gains within 3 nats or 15 %, quartiles of the ratio {ratio}; {stds} standard deviations "
-        f"within 20 %; {sum(alike)} of {len(alike)} likenesses within 0.05"
-    )
+    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    kinds = dict.fromkeys(sorted(c.kind for c in found))
+    for kind, some in [*((k, [c for c in found if c.kind == k]) for k in kinds), ("all", found)]:
+        gains = np.array([abs(c.fitted - c.forecast) for c in some])
+        near = gains < [max(3.0, 0.15 * c.forecast) for c in some]
+        std = np.array([np.log(c.std_ratio) for c in some])
+        alike = np.array([abs(c.fitted_likeness - c.likeness) for c in some if np.isfinite(c.likeness)])
+        cells = [
+            kind,
+            str(len(some)),
+            f"{np.median(gains):.1f}, {np.quantile(gains, 0.9):.1f}",
+            f"{near.sum()}",
+            f"{np.exp(np.median(std)):.2f}, × {np.exp(np.quantile(np.abs(std), 0.9)):.2f}",
+            f"{(np.abs(std) < np.log(1.2)).sum()}",
+            f"{np.median(alike):.2f}, {np.quantile(alike, 0.9):.2f}" if len(alike) else "-",
+            f"{(alike < 0.05).sum()} of {len(alike)}",
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

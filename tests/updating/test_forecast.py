@@ -13,6 +13,7 @@ from updating.forecast import Forecast, Grid, Little, Look, Sizes
 from updating.inference import FULL_LINES
 from updating.inference.fitting import fit
 from updating.plan.planned import as_planned
+from updating.plan.visibility import expected_gains
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +81,57 @@ def test_support_that_gives_way_gains_what_its_forecast_says():
     right = fit(known, [effect], [parameter_values(soft)], x_from=without, **how)
     gain = log_posterior(known, right) - log_posterior(known, without)
     assert gain == pytest.approx(0.5 * 5.0**2, rel=0.3)
+
+
+@pytest.fixture(scope="module")
+def cross():
+    """Two beams with a joint whose stiffness is known to 3 %, as their test is planned."""
+    case = make_case(1, "cross", "nothing")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    planned = as_planned(problem, problem.nominal())
+    planned = replace(planned, scatter=replace(planned.scatter, sizes=()))
+    kinds = ["joint_stiffness", "joint_complex_stiffness"]
+    return planned, Forecast.at(planned, planned.nominal(), propose(case.model, kinds), besides=0.0)
+
+
+def test_little_of_two_parameters_is_a_little_in_both(cross):
+    """A loss factor dissipates at any stiffness: near absence both are near the model's."""
+    planned, forecast = cross
+    model = planned.reduced.model
+    little = next(o for o in forecast.littles if o.grid.effect.kind == "joint_complex_stiffness")
+    assert little.grid.one_sided()  # a loss factor below none has no meaning
+    for k in range(len(little.points)):
+        small, smaller = (
+            np.concatenate(
+                [
+                    little.grid.effect.with_values(**little.values(k, f)).contribute(model)[0].D[0],
+                    little.grid.effect.with_values(**little.values(k, f)).contribute(model)[0].K[0],
+                ]
+            )
+            for f in (1e-3, 1e-6)
+        )
+        assert np.abs(small).max() > 0
+        assert smaller == pytest.approx(1e-3 * small, rel=0.01, abs=1e-9 * np.abs(small).max())
+
+
+@pytest.mark.parametrize("kind", ["joint_stiffness", "joint_complex_stiffness"])
+def test_effect_that_replaces_an_uncertain_parameter_is_forecast_as_it_is_fitted(cross, kind):
+    """Without the effect a fit varies the parameter within its prior, with it at will."""
+    planned, forecast = cross
+    rows = [i for i, o in enumerate(forecast.owner) if forecast.candidates[o].kind == kind]
+    i = max(rows, key=lambda i: forecast.precision[i])
+    effect = forecast.candidates[forecast.owner[i]]
+    there = forecast.effect_at(i, 5.0 / forecast.precision[i])
+    known = hiding(planned, there)
+    how = {"n_lines": FULL_LINES, "tolerance": 1e-6}
+    start = {"x_from": known.nominal(), "stages": known.stages[-1:]}
+    without, right = fit(known, **how), fit(known, [effect], [parameter_values(there)], **start, **how)
+    gain = log_posterior(known, right) - log_posterior(known, without)
+    expected = expected_gains(forecast, np.full(len(forecast.owner), 5.0 / forecast.precision[i]), 0.0)[i]
+    assert expected == pytest.approx(gain, abs=3.0)
+    if kind == "joint_stiffness":
+        std = there.stiffness - forecast.effect_at(i, 4.0 / forecast.precision[i]).stiffness
+        assert abs(std) == pytest.approx(right.std[effect.name, "stiffness"], rel=0.1)
 
 
 def test_letting_go_alone_counts_as_no_change(monkeypatch):

@@ -18,9 +18,11 @@ from fem.model import Effect, ParameterRef
 from updating.forecast.grid import Grid, Little
 from updating.forecast.look import Complexes, Floats, Look
 from updating.forecast.sizes import Sizes
+from updating.inference.effect_priors import prior_of
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
 from updating.inference.problem import Problem
+from updating.inference.unknowns import effect_unknowns
 
 MOST_VALUES, MOST_COMPARED = 10_000, 3_000
 """Largest number of values of FRFs that are used for gains, and where changes are kept to be compared."""
@@ -28,6 +30,8 @@ ROUNDING = 1e-9
 """Changes of residuals by the largest plausible size below this are none [nepers]."""
 LEAST_SQUARE = 1e-300
 """A sum of squared residuals below this is none."""
+STEP = 1e-3
+"""Step of differences by a parameter, in parts of its prior deviation or of a size [-]."""
 TOGETHER = 200
 """Number of small changes that are judged at once."""
 
@@ -62,7 +66,8 @@ class Forecast:
     low : ndarray (n,)
         Level on the low band that is left.
     vectors : ndarray (n, r)
-        v, where it was asked for.
+        What a model without the effect leaves of its change, where it was asked for: v, unless the effect
+        replaces an uncertain parameter.
     changes : ndarray (n, m)
         Changes of the weighted residuals of the full band, where they were asked for.
     """
@@ -190,14 +195,16 @@ class Forecast:
         self.cost[rows] = np.where(seen, look.cost_of(*parts), np.inf)
         self.evidence[rows] = look.log_evidence(*parts) - look.log_evidence(*look.parts(now[None]))
         self.sharpness[rows] = look.sharpness(moved, parts[0])
-        of_groups, known = np.abs(moved[:, :m]) ** 2 @ look.share, moved[:, m:].real
+        # A model without the effect varies the parameter that the effect replaces, within its prior.
+        beyond = look.adapted(change) if replaced else moved
+        of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
         self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
         v, y = look.whitened(moved), look.whitened(now[None])[0]
         square = (v**2).sum(axis=1)
         self.precision[rows] = np.sqrt(square)
         self.share[rows] = -a * (2 * (v @ y) + a * square) / max(float(y @ y), LEAST_SQUARE)
         if len(self.vectors):
-            self.vectors[rows] = v
+            self.vectors[rows] = look.whitened(beyond)
 
     def _changes(self) -> Iterator[tuple[Ints, Complexes]]:
         """Yield rows and the changes of all residuals there, of some candidates at a time."""
@@ -210,25 +217,23 @@ class Forecast:
             first = last
 
     def _change(self) -> Callable[[Sequence[Little]], Complexes]:
-        """Return a function that gives the changes of all residuals by a little of some candidates.
-
-        What replaces a parameter that is uncertain has no small element matrices.
-        """
-        look, residuals = self.look, self.look.residuals
-        slopes = residuals.slopes()
+        """Return a function that gives the changes of all residuals by a little of some candidates."""
+        look, slopes = self.look, self._slopes
 
         def change(littles: Sequence[Little]) -> Complexes:
-            linear = [o.absent is None and residuals.has_slope(o.grid.effect) for o in littles]
-            small = [o for o, is_linear in zip(littles, linear, strict=True) if is_linear]
-            by_slopes = slopes([o.grid.effect.with_values(**p) for o in small for p in o.points])
-            parts = iter(np.split(by_slopes, np.cumsum([len(o.points) for o in small])))
+            linear = [look.residuals.has_slope(o.grid.effect) for o in littles]
+            parts = iter(slopes([o for o, is_linear in zip(littles, linear, strict=True) if is_linear]))
             each = [
                 next(parts) if is_linear else look.small_changes(o)
                 for o, is_linear in zip(littles, linear, strict=True)
             ]
-            return np.nan_to_num(np.concatenate([np.zeros((0, by_slopes.shape[1]), complex), *each]))
+            return np.concatenate([np.zeros((0, len(look.residuals.now)), complex), *each])
 
         return change
+
+    @cached_property
+    def _slopes(self) -> Callable[[Sequence[Little]], list[Complexes]]:
+        return self.look.slopes_by()
 
     @property
     def candidates(self) -> tuple[Effect, ...]:
@@ -281,6 +286,73 @@ class Forecast:
         return sizes.estimate(
             int(self.place[i]), float(self.factor[i]), 1 / max(float(self.sharpness[i]), 1e-12)
         )
+
+    def std(self, i: int, factor: float) -> float:
+        """Return the standard deviation of a candidate's first parameter at a multiple of its little.
+
+        With its other parameters free, such as its position, as in a fit with it; infinite where the data do
+        not see it [unit of the parameter].
+        """
+        little, k = self.littles[self.owner[i]], int(self.place[i])
+        name, factor = little.grid.effect.parameters()[0].name, factor or 1.0
+        step = STEP * factor
+        low, high = (little.values(k, a)[name] for a in (factor - step, factor + step))
+        precision = self._precision_at(i, factor)
+        return abs(high - low) / (2 * abs(step)) / precision if precision > 0 else np.inf
+
+    def _precision_at(self, i: int, factor: float) -> float:
+        """Return 1 / standard deviation of a multiple with all parameters of the effect free."""
+        look, little, k = self.look, self.littles[self.owner[i]], int(self.place[i])
+        grid, point = little.grid, little.values(k, factor)
+        effect = grid.effect
+        pairs: list[dict[str, float]] = []
+        widths: list[float] = []
+        for unknown in effect_unknowns((effect,), (point,))[1:]:
+            name, prior = unknown.ref[1], prior_of(look.problem, effect, unknown)
+            x, (lower, upper) = unknown.to_x(point[name]), unknown.bounds()
+            ends = [min(max(x + s * STEP * prior.std, lower), upper) for s in (-1, 1)]
+            if ends[1] > ends[0] and prior.std > 0:
+                pairs += [{**point, name: unknown.to_value(end)} for end in ends]
+                widths.append((ends[1] - ends[0]) / prior.std)
+        if not pairs:
+            return float(self.precision[i])
+        one = (little.points[k],)
+        if look.residuals.has_slope(effect):
+            each = self._slopes([Little(grid, (*one, *pairs), little.absent, np.ones(len(pairs) + 1))])[0]
+        else:
+            small = look.small_changes(Little(grid, one, little.absent, np.ones(1)))
+            each = np.concatenate([small, look.all_changes(Grid(effect, tuple(pairs)))])
+        moved = each[:, look.residuals.full_band]
+        # The change by one prior deviation of each of the others; a residual of 1 each is their prior.
+        moved[1:] /= np.repeat(widths, 2)[:, None]
+        v, *others = look.whitened(look.adapted(moved, effect.replaces()))
+        G = np.array(others[1::2]) - np.array(others[::2])
+        b = G @ v
+        return float(np.sqrt(max(v @ v - b @ np.linalg.solve(G @ G.T + np.eye(len(G)), b), 0.0)))
+
+    def squares_at(self, rows: Ints, multiples: Floats) -> Floats:
+        """Return ``squares`` of the changes by multiples as they are, not of multiples of the change.
+
+        (n_rows, n_groups + 1); not a number where the parameters have no such value.
+        """
+        look = self.look
+        m, full_band = len(look.share), look.residuals.full_band
+        out = np.full((len(rows), self.squares.shape[1]), np.nan)
+        for k in np.unique(self.owner[rows]):
+            little = self.littles[k]
+            each = [
+                (n, int(self.place[rows[n]]), multiples[n]) for n in np.flatnonzero(self.owner[rows] == k)
+            ]
+            each = [(n, at, little.side(at, float(a))) for n, at, a in each]
+            each = [(n, at, a) for n, at, a in each if np.isfinite(a)]
+            if not each:
+                continue
+            beat()
+            change = look.changes_at(little, [(at, a) for _, at, a in each])[:, full_band]
+            beyond = look.adapted(change)
+            of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
+            out[[n for n, *_ in each]] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
+        return out
 
     def _over_places(self, together: np.ufunc, each: Floats) -> Floats:
         out = np.full(len(self.littles), -np.inf)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ class Grid:
         return cls(effect, tuple(effect.starts(problem.surroundings)))
 
     def slight_points(self, absent: float | None = None) -> tuple[tuple[dict[str, float], float], ...]:
-        """Return points of near absence, one for each choice of all but the first parameter.
+        """Return points of near absence, one for each direction from there to points of the grid.
 
         They show what a little of it does. With each stands by how much it can be multiplied before it is
         beyond the strongest point. ``absent`` is the first parameter's value there, if not its own.
@@ -45,15 +46,22 @@ class Grid:
         first = self.effect.parameters()[0].name
         alike: dict[tuple, list[dict[str, float]]] = {}
         for point in self.points:
-            alike.setdefault(tuple(v for name, v in point.items() if name != first), []).append(point)
+            alike.setdefault(self._direction(point, absent), []).append(point)
         slight = []
         for points in alike.values():
             p = self.first_parameter(points[0], absent)
             strength = np.abs([distance(p, point[first]) for point in points])
             strength[strength <= 1e-9 * strength.max()] = np.inf  # the model's own value is no weak effect
             weakest, most = int(np.argmin(strength)), float(strength[np.isfinite(strength)].max(initial=0.0))
-            slight.append((_scaled(p, points[weakest], WEAKER), most / strength[weakest] / WEAKER))
+            slight.append((self.scaled(points[weakest], WEAKER, absent), most / strength[weakest] / WEAKER))
         return tuple(slight)
+
+    def _direction(self, point: dict[str, float], absent: float | None) -> tuple[float, ...]:
+        """Return what points have in common that differ by their size alone."""
+        first, *others = self.amplitudes(point, absent)
+        size = distance(first, point[first.name])
+        ratios = {p.name: distance(p, point[p.name]) / size if size else np.inf for p in others}
+        return tuple(float(f"{ratios.get(n, v):.9g}") for n, v in point.items() if n != first.name)
 
     def terms(self, problem: Any) -> tuple:
         """Return what the effect adds to the reduced matrices at each point (computed once)."""
@@ -68,18 +76,45 @@ class Grid:
         p = self.effect.with_values(**point).parameters()[0]
         return p if absent is None else replace(p, absent=absent)
 
+    def amplitudes(self, point: dict[str, float], absent: float | None = None) -> tuple[Parameter, ...]:
+        """Return the parameters at a point that together are the size of the effect.
+
+        The first, and those that change the model even where the first is absent, such as the loss factor of
+        a joint's stiffness. A position or a width says nothing without the first.
+        """
+        first = self.first_parameter(point, absent)
+        if not self._others:
+            return (first,)
+        at_point = self.effect.with_values(**point).parameters()
+        return first, *(p for p in at_point if p.name in self._others)
+
+    @cached_property
+    def _others(self) -> frozenset[str]:
+        """Names of the parameters besides the first that have a value at which they change nothing."""
+        first, *rest = self.effect.parameters()
+        # A rigid connection leaves nothing on which its loss factor could act.
+        if np.isinf(first.absent) or all(p.position for p in rest):
+            return frozenset()
+        each = (p for point in self.points for p in self.effect.with_values(**point).parameters()[1:])
+        return frozenset(p.name for p in each if p.value != p.absent)
+
     def scaled(self, point: dict[str, float], factor: float, absent: float | None = None) -> dict[str, float]:
-        """Return a point with its first parameter at a multiple of the distance from where it is absent.
+        """Return a point at a multiple of its distance from where the effect changes nothing.
 
         Of a stiffness that is infinite where it is absent, the flexibility is scaled. The result lies within
-        the parameter's bounds.
+        the parameters' bounds.
         """
-        return _scaled(self.first_parameter(point, absent), point, factor)
+        for p in self.amplitudes(point, absent):
+            point = _scaled(p, point, factor)
+        return point
 
     def one_sided(self) -> bool:
-        """Whether the first parameter can lie on one side only of where it is absent."""
+        """Whether the effect can lie on one side only of where it changes nothing."""
         p = self.effect.parameters()[0]
-        return bool(np.isinf(p.absent) or p.lower >= p.absent or p.upper <= p.absent)
+        if np.isinf(p.absent) or p.lower >= p.absent or p.upper <= p.absent:
+            return True
+        others = (p for point in self.points[:1] for p in self.amplitudes(point)[1:])
+        return any(not p.lower <= 2 * p.absent - p.value <= p.upper for p in others)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,11 +155,13 @@ class Little:
         return self.grid.scaled(self.points[k], factor, self.absent)
 
     def reaches(self, k: int, factor: float) -> bool:
-        """Whether the first parameter can have that multiple within its bounds."""
-        first = self.grid.effect.parameters()[0].name
-        p = self.grid.first_parameter(self.points[k], self.absent)
-        there = distance(p, self.values(k, factor)[first]) / distance(p, self.points[k][first])
-        return bool(abs(there) >= (1 - 1e-6) * abs(factor))
+        """Whether that multiple is within the bounds of the parameters."""
+        point, there = self.points[k], self.values(k, factor)
+        each = self.grid.amplitudes(point, self.absent)
+        return all(
+            abs(distance(p, there[p.name])) >= (1 - 1e-6) * abs(factor * distance(p, point[p.name]))
+            for p in each
+        )
 
     def side(self, k: int, factor: float) -> float:
         """Return a multiple, or its negative where only that lies within the bounds; NaN for neither."""

@@ -5,7 +5,7 @@ the grid costs what its few DOFs cost. Kinds of data differ in their changes of 
 :mod:`updating.inference.residual_changes`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Generic, TypeVar
@@ -30,6 +30,8 @@ from updating.inference.problem import Problem
 from updating.inference.residual_changes import ResidualChanges
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
+RELEASED = 0.01
+"""A constraint counts as released, and hardly giving way, at this share of a size [-]."""
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
 
@@ -302,14 +304,47 @@ class Look(Generic[P, C]):
         way hardly differ by more than a little flexibility does.
         """
         effect = little.grid.effect
-        if self.residuals.has_cheap_slopes and little.absent is None:
-            slopes = self.residuals.slopes()([effect.with_values(**p) for p in little.points])
-            return np.nan_to_num(slopes)
+        if self.residuals.has_cheap_slopes:
+            return self.slopes_by()([little])[0]
         if not effect.released():
             return self.all_changes(Grid(effect, little.points))
         weaker = tuple(little.values(k, WEAKER) for k in range(len(little.points)))
         strong, weak = np.split(self.all_changes(Grid(effect, little.points + weaker)), 2)
         return (strong - weak) / (1 - WEAKER)
+
+    def changes_at(self, little: Little, sizes: Sequence[tuple[int, float]]) -> Complexes:
+        """Return the changes of all residuals by multiples of a little at places, (n, m).
+
+        Of what releases a constraint, without what letting go alone does: see :meth:`small_changes`.
+        """
+        effect = little.grid.effect
+        points = tuple(little.values(k, a) for k, a in sizes)
+        if not effect.released():
+            return self.all_changes(Grid(effect, points))
+        weak = tuple(little.values(k, a * RELEASED) for k, a in sizes)
+        there, released = np.split(self.all_changes(Grid(effect, points + weak)), 2)
+        return there - released
+
+    def slopes_by(self) -> Callable[[Sequence[Little]], list[Complexes]]:
+        """Return a function that gives the changes by a little of candidates to the first order.
+
+        Of each candidate (n_points, m). An effect that replaces an uncertain parameter changes the model by
+        what it does beyond its own value there: at any other value it shifts sharp resonances by more than
+        their width, however little that may be.
+        """
+        slopes = self.residuals.slopes()
+
+        def of(littles: Sequence[Little]) -> list[Complexes]:
+            replacing = [o for o in littles if o.absent is not None]
+            points = [(o, p) for o in littles for p in o.points]
+            points += [(o, o.values(k, 0.0)) for o in replacing for k in range(len(o.points))]
+            every = np.nan_to_num(slopes([o.grid.effect.with_values(**p) for o, p in points]))
+            n_each = [len(o.points) for o in (*littles, *replacing)]
+            parts = np.split(every, np.cumsum(n_each)[:-1]) if n_each else []
+            out, there = parts[: len(littles)], iter(parts[len(littles) :])
+            return [a if o.absent is None else a - next(there) for o, a in zip(littles, out, strict=True)]
+
+        return of
 
     def changes(self, grid: Grid) -> Complexes:
         """Return a candidate's changes of the full band's residuals, (n_points, m); 0 where impossible."""

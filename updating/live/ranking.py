@@ -197,14 +197,10 @@ def _directions(look: Look, effect: Effect) -> NDArray[np.float64]:
 
 def _std_of(forecast: Forecast, i: int, effect: Effect) -> float:
     """Return the standard deviation of the first parameter of an effect, at the i-th place of a forecast."""
-    little, place, precision = (
-        forecast.littles[forecast.owner[i]],
-        int(forecast.place[i]),
-        forecast.precision[i],
-    )
-    if not precision > 0:
+    little, place = forecast.littles[forecast.owner[i]], int(forecast.place[i])
+    if not forecast.precision[i] > 0:
         return np.nan
     p = little.grid.first_parameter(little.points[place], little.absent)
-    factor = distance(p, parameter_values(effect)[p.name]) / distance(p, little.points[place][p.name])
-    low, high = (little.values(place, factor + s / precision)[p.name] for s in (-1, 1))
-    return abs(high - low) / 2
+    return forecast.std(
+        i, distance(p, parameter_values(effect)[p.name]) / distance(p, little.points[place][p.name])
+    )

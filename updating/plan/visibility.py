@@ -37,6 +37,10 @@ MOST_POSITIONS = 4_000
 """Of more positions of all effects together, each effect is looked at on fewer, evenly spaced: minutes."""
 LEAST_SINE_SQUARE = 1e-9
 """Effects whose changes have a smaller angle between them are the same at any size."""
+N_LARGER, SHORT = 6, 0.2
+"""A size that, solved for, gains less than is wanted by this share is doubled this many times at most."""
+LEAST_GAIN = 1e-3
+"""Gains below this are none [nats]."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
 
@@ -222,8 +226,8 @@ def visibility(
     against = np.array(each)[owner]
     enough = needed(against)
     say("what is alike", 0.8)
-    seen = least_amplitudes(forecast, enough, discrepancy, averaged)
-    rivals = _Rivals.of(forecast, against)
+    seen = amplitudes_as_solved(forecast, enough, discrepancy, averaged)
+    rivals = Rivals.of(forecast, against)
     located, named, rival, alike = rivals.separation_amplitudes(seen, enough)
     over_rival = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
     found = []
@@ -274,8 +278,13 @@ def _expected(forecast: Forecast, discrepancy: float | None, averaged: float) ->
 
 def expected_gains(forecast: Forecast, a: Floats, discrepancy: float | None) -> Floats:
     """Return the expected gains in log evidence (n,) of multiples (n,) of a little [nats]."""
-    squares = forecast.squares
-    return _expected(forecast, discrepancy, 1.0).gains(a, squares[:, :-1], squares[:, -1])
+    return gains_of(forecast, a[:, None] ** 2 * forecast.squares, discrepancy)
+
+
+def gains_of(forecast: Forecast, squares: Floats, discrepancy: float | None) -> Floats:
+    """Return the expected gains in log evidence (n,) of changes whose ``squares`` are (n, n_groups + 1)."""
+    expected = _expected(forecast, discrepancy, 1.0)
+    return expected.gains(np.ones(len(squares)), squares[:, :-1], squares[:, -1])
 
 
 def least_amplitudes(
@@ -284,6 +293,38 @@ def least_amplitudes(
     """Return the multiples (n,) of a little that gain what is wanted (n,) [nats]; infinite if none does."""
     squares = forecast.squares
     return _expected(forecast, discrepancy, averaged).multiples(squares[:, :-1], squares[:, -1], wanted)
+
+
+def amplitudes_as_solved(
+    forecast: Forecast, wanted: Floats, discrepancy: float | None, averaged: float = 1.0
+) -> Floats:
+    """Return :func:`least_amplitudes`, or larger ones where sizes that are solved for gain less.
+
+    A spring far stiffer than what it acts on holds it, and stiffer ones do no more. A size that the
+    parameters cannot have is not solved for.
+    """
+    expected, squares = _expected(forecast, discrepancy, averaged), forecast.squares
+    least = expected.multiples(squares[:, :-1], squares[:, -1], wanted)
+    out, rows = least.copy(), np.flatnonzero(np.isfinite(least))
+    low = gain_low = np.full(len(least), np.nan)
+    tried = least.copy()
+    for _ in range(N_LARGER + 1):
+        solved = forecast.squares_at(rows, tried[rows])
+        possible = np.isfinite(solved).all(axis=1)
+        rows, solved = rows[possible], solved[possible]
+        gains = expected.gains(np.ones(len(rows)), solved[:, :-1], solved[:, -1])
+        short = gains < (1 - SHORT) * wanted[rows]
+        reached, g = rows[~short], gains[~short]
+        # Between two sizes the gain is as a power of the size.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            part = np.log(wanted[reached] / gain_low[reached]) / np.log(g / gain_low[reached])
+        between = low[reached] * (tried[reached] / low[reached]) ** np.clip(part, 0.0, 1.0)
+        out[reached] = np.where(np.isfinite(between), between, tried[reached])
+        rows, gains = rows[short], gains[short]
+        low, gain_low = low.copy(), gain_low.copy()
+        low[rows], gain_low[rows], out[rows] = tried[rows], np.maximum(gains, LEAST_GAIN), np.inf
+        tried[rows] *= 2.0
+    return out
 
 
 def _followed(littles: Sequence[Little]) -> Ints:
@@ -300,7 +341,7 @@ def _followed(littles: Sequence[Little]) -> Ints:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rivals:
+class Rivals:
     """All effects, a little of each, as what might stand for others.
 
     Attributes
@@ -330,7 +371,7 @@ class _Rivals:
     apart: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, forecast: Forecast, against: Floats) -> "_Rivals":
+    def of(cls, forecast: Forecast, against: Floats) -> "Rivals":
         """Tell which candidates are no rivals, and which act at other places."""
         candidates, owner, vectors = forecast.candidates, forecast.owner, forecast.vectors
         both = np.array([not o.grid.one_sided() for o in forecast.littles], dtype=bool)[owner]
@@ -367,7 +408,7 @@ class _Rivals:
         for first in range(0, n, N_AT_ONCE):
             beat()
             rows = np.arange(first, min(first + N_AT_ONCE, n))
-            cosine = self._cosines(rows)
+            cosine = self.cosines(rows)
             like, apart = (m[self.owner[rows]][:, owner] for m in (~self.unlike, self.apart))
             least = np.where(like, self._least(seen[rows], enough[rows], rows, cosine), 0.0)
             elsewhere[rows] = np.maximum(np.where(apart, least, 0.0).max(axis=1), seen[rows])
@@ -379,7 +420,7 @@ class _Rivals:
             alike[rows] = np.abs(cosine[each, last])
         return elsewhere, anywhere, rival, alike
 
-    def _cosines(self, rows: Ints) -> Floats:
+    def cosines(self, rows: Ints) -> Floats:
         """Return the cosines of some effects with each other one, (n_rows, n + n_pairs).
 
         Between two positions of a rival it is that with its best sum of both, if both count with one sign.
