@@ -26,7 +26,7 @@ from updating.forecast import Forecast
 from updating.inference import FULL_LINES
 from updating.inference.fitting import fit
 from updating.plan.planned import as_planned
-from updating.plan.visibility import Rivals, amplitudes_as_solved, expected_gains, gains_of
+from updating.plan.visibility import Rivals, amplitudes_as_solved, gain_at
 
 DEVIATIONS = (3.0, 5.0)
 """Roots of twice the gains for which effects are sized: in standard deviations, where nothing saturates."""
@@ -99,7 +99,7 @@ def compared(problem: FitProblem, forecast: Forecast, i: int) -> Iterator[Compar
         right = fit(known, [effect], [parameter_values(there)], **start)
         nothing = log_posterior(known, without)
         gained = log_posterior(known, right) - nothing
-        gain = gain_of(forecast, i, factor)
+        gain = gain_at(forecast, i, factor, 0.0)
         likeness = fitted_likeness = np.nan
         if rival is not None:
             other = forecast.littles[forecast.owner[rival]]
@@ -126,16 +126,6 @@ def most_alike(forecast: Forecast, i: int) -> tuple[int | None, float]:
         return None, 0.0
     best = int(np.argmax(np.where(fits, np.abs(cosine), -1.0)))
     return int(column[best]), float(cosine[best])
-
-
-def gain_of(forecast: Forecast, i: int, factor: float) -> float:
-    """Return the expected gain of a multiple at the i-th place [nats].
-
-    That of as large a multiple of the change, or of the size as it is where that gains less.
-    """
-    linear = expected_gains(forecast, np.full(len(forecast.owner), abs(factor)), 0.0)[i]
-    solved = forecast.squares_at(np.array([i]), np.array([factor]))
-    return float(min(linear, gains_of(forecast, solved, 0.0)[0]))
 
 
 def some_of(forecast: Forecast, most: int, rng: np.random.Generator) -> list[int]:

@@ -13,7 +13,7 @@ from updating.forecast import Forecast, Grid, Little, Look, Sizes
 from updating.inference import FULL_LINES
 from updating.inference.fitting import fit
 from updating.plan.planned import as_planned
-from updating.plan.visibility import expected_gains
+from updating.plan.visibility import gain_at
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_effect_that_replaces_an_uncertain_parameter_is_forecast_as_it_is_fitted
     start = {"x_from": known.nominal(), "stages": known.stages[-1:]}
     without, right = fit(known, **how), fit(known, [effect], [parameter_values(there)], **start, **how)
     gain = log_posterior(known, right) - log_posterior(known, without)
-    expected = expected_gains(forecast, np.full(len(forecast.owner), 5.0 / forecast.precision[i]), 0.0)[i]
+    expected = gain_at(forecast, i, 5.0 / float(forecast.precision[i]), 0.0)
     assert expected == pytest.approx(gain, abs=3.0)
     if kind == "joint_stiffness":
         std = there.stiffness - forecast.effect_at(i, 4.0 / forecast.precision[i]).stiffness
