@@ -53,6 +53,8 @@ class Forecast:
     squares : ndarray (n, n_groups + 1)
         Mean squares of what nothing uncertain can do of each group's residuals and, behind these, half the
         squares of what is known beforehand.
+    left : ndarray (n,)
+        Share of the weighted square of a little that a model without the effect leaves [-].
     precision : ndarray (n,)
         1 / standard deviation of the multiple: |v|.
     cost, factor : ndarray (n,)
@@ -77,6 +79,7 @@ class Forecast:
     owner: Ints
     place: Ints
     squares: Floats
+    left: Floats
     precision: Floats
     cost: Floats
     factor: Floats
@@ -147,6 +150,7 @@ class Forecast:
             np.repeat(np.arange(len(grids)), n_each),
             np.concatenate([np.arange(0), *(np.arange(k) for k in n_each)]).astype(np.int64),
             np.empty((n, look.share.shape[1] + 1)),
+            left=np.empty(n),
             precision=np.empty(n),
             cost=np.empty(n),
             factor=np.empty(n),
@@ -199,6 +203,8 @@ class Forecast:
         beyond = look.adapted(change) if replaced else moved
         of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
         self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
+        whole = np.maximum(np.abs(change) ** 2 @ look.weights[:m], LEAST_SQUARE)
+        self.left[rows] = (look.whitened(beyond) ** 2).sum(axis=1) / whole
         v, y = look.whitened(moved), look.whitened(now[None])[0]
         square = (v**2).sum(axis=1)
         self.precision[rows] = np.sqrt(square)
@@ -287,20 +293,20 @@ class Forecast:
             int(self.place[i]), float(self.factor[i]), 1 / max(float(self.sharpness[i]), 1e-12)
         )
 
-    def std(self, i: int, factor: float) -> float:
+    def std(self, i: int, factor: float, *, solve: bool = True) -> float:
         """Return the standard deviation of a candidate's first parameter at a multiple of its little.
 
         With its other parameters free, such as its position, as in a fit with it; infinite where the data do
-        not see it [unit of the parameter].
+        not see it [unit of the parameter]. Unless ``solve``, the slope by its size is that of a little.
         """
         little, k = self.littles[self.owner[i]], int(self.place[i])
         name, factor = little.grid.effect.parameters()[0].name, factor or 1.0
         step = STEP * factor
         low, high = (little.values(k, a)[name] for a in (factor - step, factor + step))
-        precision = self._precision_at(i, factor)
+        precision = self._precision_at(i, factor, solve)
         return abs(high - low) / (2 * abs(step)) / precision if precision > 0 else np.inf
 
-    def _precision_at(self, i: int, factor: float) -> float:
+    def _precision_at(self, i: int, factor: float, solve: bool) -> float:
         """Return 1 / standard deviation of a multiple with all parameters of the effect free."""
         look, little, k = self.look, self.littles[self.owner[i]], int(self.place[i])
         grid, point = little.grid, little.values(k, factor)
@@ -314,36 +320,40 @@ class Forecast:
             if ends[1] > ends[0] and prior.std > 0:
                 pairs += [{**point, name: unknown.to_value(end)} for end in ends]
                 widths.append((ends[1] - ends[0]) / prior.std)
-        if not pairs:
-            return float(self.precision[i])
-        one = (little.points[k],)
+        one, ends = (little.points[k],), (factor * (1 - STEP), factor * (1 + STEP))
         if look.residuals.has_slope(effect):
             each = self._slopes([Little(grid, (*one, *pairs), little.absent, np.ones(len(pairs) + 1))])[0]
         else:
             small = look.small_changes(Little(grid, one, little.absent, np.ones(1)))
-            each = np.concatenate([small, look.all_changes(Grid(effect, tuple(pairs)))])
+            each = np.concatenate([small, look.all_changes(Grid(effect, tuple(pairs)))]) if pairs else small
         moved = each[:, look.residuals.full_band]
+        if solve:
+            # A hinge that is nearly free changes less with its size, a loss of nearly all stiffness more.
+            low, high = look.all_changes(Grid(effect, tuple(little.values(k, a) for a in ends)))
+            sizes = np.array([moved[0], (high - low)[look.residuals.full_band] / (ends[1] - ends[0])])
+            slope = np.sqrt(np.abs(sizes) ** 2 @ look.weights[: len(look.share)])
+            moved[0] *= slope[1] / max(slope[0], LEAST_SQUARE)
         # The change by one prior deviation of each of the others; a residual of 1 each is their prior.
         moved[1:] /= np.repeat(widths, 2)[:, None]
         v, *others = look.whitened(look.adapted(moved, effect.replaces()))
-        G = np.array(others[1::2]) - np.array(others[::2])
+        G = np.array(others[1::2]).reshape(-1, len(v)) - np.array(others[::2]).reshape(-1, len(v))
         b = G @ v
         return float(np.sqrt(max(v @ v - b @ np.linalg.solve(G @ G.T + np.eye(len(G)), b), 0.0)))
 
-    def squares_at(self, rows: Ints, multiples: Floats) -> Floats:
-        """Return ``squares`` of the changes by multiples as they are, not of multiples of the change.
+    def squares_at(self, rows: Ints, multiples: Floats) -> tuple[Floats, Floats]:
+        """Return ``squares`` of sizes as they are rather than of multiples of a change, and a share of them.
 
-        (n_rows, n_groups + 1); not a number where the parameters have no such value.
+        (n_rows, n_groups + 1), and (n_rows,): with this share the unknowns leave as much of a change as of a
+        little, at most all. Resonances that shift by more than their width are not followed to the first
+        order. Not a number where the parameters have no such value.
         """
         look = self.look
         m, full_band = len(look.share), look.residuals.full_band
-        out = np.full((len(rows), self.squares.shape[1]), np.nan)
+        out, share = np.full((len(rows), self.squares.shape[1]), np.nan), np.full(len(rows), np.nan)
         for k in np.unique(self.owner[rows]):
             little = self.littles[k]
-            each = [
-                (n, int(self.place[rows[n]]), multiples[n]) for n in np.flatnonzero(self.owner[rows] == k)
-            ]
-            each = [(n, at, little.side(at, float(a))) for n, at, a in each]
+            every, places = np.flatnonzero(self.owner[rows] == k).tolist(), self.place[rows].tolist()
+            each = [(n, places[n], little.side(places[n], float(multiples[n]))) for n in every]
             each = [(n, at, a) for n, at, a in each if np.isfinite(a)]
             if not each:
                 continue
@@ -351,8 +361,12 @@ class Forecast:
             change = look.changes_at(little, [(at, a) for _, at, a in each])[:, full_band]
             beyond = look.adapted(change)
             of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
-            out[[n for n, *_ in each]] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
-        return out
+            some = [n for n, *_ in each]
+            out[some] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
+            left = (look.whitened(beyond) ** 2).sum(axis=1)
+            whole = np.maximum(np.abs(change) ** 2 @ look.weights[:m], LEAST_SQUARE)
+            share[some] = np.minimum(1.0, self.left[rows[some]] * whole / np.maximum(left, LEAST_SQUARE))
+        return out, share
 
     def _over_places(self, together: np.ufunc, each: Floats) -> Floats:
         out = np.full(len(self.littles), -np.inf)

@@ -173,7 +173,7 @@ def _ranked(
             effect = effect.with_values(**solved[effect.name].starts[0].values[0])
         else:
             effect = forecast.effect_at(i, float(forecast.factor[i]))
-        std = np.nan if far else _std_of(forecast, i, effect)
+        std = np.nan if far else _std_of(forecast, i, effect, solve=effect.name in solved)
         changes = _directions(few_values, effect) if n < COMPARED else None
         promises.append(Promise(effect, std, float(gains[k]), float(probabilities[k]), changes))
     return RankedCandidates(tuple(promises), float(probabilities[-2]), float(probabilities[-1]), far)
@@ -195,12 +195,11 @@ def _directions(look: Look, effect: Effect) -> NDArray[np.float64]:
     return v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300)
 
 
-def _std_of(forecast: Forecast, i: int, effect: Effect) -> float:
+def _std_of(forecast: Forecast, i: int, effect: Effect, *, solve: bool) -> float:
     """Return the standard deviation of the first parameter of an effect, at the i-th place of a forecast."""
     little, place = forecast.littles[forecast.owner[i]], int(forecast.place[i])
     if not forecast.precision[i] > 0:
         return np.nan
     p = little.grid.first_parameter(little.points[place], little.absent)
-    return forecast.std(
-        i, distance(p, parameter_values(effect)[p.name]) / distance(p, little.points[place][p.name])
-    )
+    ratio = distance(p, parameter_values(effect)[p.name]) / distance(p, little.points[place][p.name])
+    return forecast.std(i, ratio, solve=solve)

@@ -37,14 +37,8 @@ MOST_POSITIONS = 4_000
 """Of more positions of all effects together, each effect is looked at on fewer, evenly spaced: minutes."""
 LEAST_SINE_SQUARE = 1e-9
 """Effects whose changes have a smaller angle between them are the same at any size."""
-SOLVED_SHARE = 0.5
-"""Share of the gain of a multiple of a little that a size must have when it is solved for [-].
-
-Beside effects that shift resonances by more than their width, unknowns that follow to the first order
-follow too well: of point masses the share was 0.5 to 0.9, and fits lay between.
-"""
 N_LARGER = 6
-"""A size is doubled this many times at most."""
+"""A size is doubled this many times at most until it gains enough."""
 LEAST_GAIN = 1e-3
 """Gains below this are none [nats]."""
 N_AT_ONCE = 500
@@ -284,15 +278,9 @@ def _expected(forecast: Forecast, discrepancy: float | None, averaged: float) ->
 
 def gain_at(forecast: Forecast, i: int, factor: float, discrepancy: float | None) -> float:
     """Return the expected gain of a multiple at the i-th place, by which sizes are stated [nats]."""
-    linear = gains_of(forecast, factor**2 * forecast.squares[i][None], discrepancy)[0]
-    solved = gains_of(forecast, forecast.squares_at(np.array([i]), np.array([factor])), discrepancy)[0]
-    return float(np.fmin(linear, solved / SOLVED_SHARE))
-
-
-def gains_of(forecast: Forecast, squares: Floats, discrepancy: float | None) -> Floats:
-    """Return the expected gains in log evidence (n,) of changes whose ``squares`` are (n, n_groups + 1)."""
-    expected = _expected(forecast, discrepancy, 1.0)
-    return expected.gains(np.ones(len(squares)), squares[:, :-1], squares[:, -1])
+    solved = forecast.squares_at(np.array([i]), np.array([factor]))
+    linear = factor**2 * forecast.squares[i][None]
+    return float(_between(_expected(forecast, discrepancy, 1.0), linear, *solved)[0])
 
 
 def least_amplitudes(
@@ -306,34 +294,44 @@ def least_amplitudes(
 def amplitudes_as_solved(
     forecast: Forecast, wanted: Floats, discrepancy: float | None, averaged: float = 1.0
 ) -> Floats:
-    """Return :func:`least_amplitudes`, or those from which sizes solved for gain ``SOLVED_SHARE`` of it.
+    """Return :func:`least_amplitudes` by gains of sizes as they are, rather than of multiples of a change.
 
-    A spring far stiffer than what it acts on holds it, and stiffer ones do no more. A size that the
-    parameters cannot have is not solved for.
+    A spring far stiffer than what it acts on holds it, and stiffer ones do no more; a loss of nearly all
+    stiffness does more. A size that the parameters cannot have is not solved for.
     """
     expected, squares = _expected(forecast, discrepancy, averaged), forecast.squares
     least = expected.multiples(squares[:, :-1], squares[:, -1], wanted)
     out, rows = least.copy(), np.flatnonzero(np.isfinite(least))
-    low = gain_low = np.full(len(least), np.nan)
-    tried = least.copy()
-    for _ in range(N_LARGER + 1):
-        solved = forecast.squares_at(rows, tried[rows])
-        possible = np.isfinite(solved).all(axis=1)
-        rows, solved = rows[possible], solved[possible]
-        gains = expected.gains(np.ones(len(rows)), solved[:, :-1], solved[:, -1])
-        short = gains < SOLVED_SHARE * wanted[rows]
-        reached, g = rows[~short], gains[~short]
-        # Between two sizes the gain is as a power of the size.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            part = np.log(SOLVED_SHARE * wanted[reached] / gain_low[reached])
-            part /= np.log(g / gain_low[reached])
-        between = low[reached] * (tried[reached] / low[reached]) ** np.clip(part, 0.0, 1.0)
-        out[reached] = np.where(np.isfinite(between), between, tried[reached])
-        rows, gains = rows[short], gains[short]
-        low, gain_low = low.copy(), gain_low.copy()
-        low[rows], gain_low[rows], out[rows] = tried[rows], np.maximum(gains, LEAST_GAIN), np.inf
-        tried[rows] *= 2.0
+    low, gain_low = out.copy(), wanted.copy()
+    for step in range(N_LARGER + 1):
+        size = 2.0**step * least[rows]
+        solved, share = forecast.squares_at(rows, size)
+        ok = np.isfinite(share)
+        rows, size = rows[ok], size[ok]
+        linear = size[:, None] ** 2 * squares[rows]
+        gains = np.maximum(_between(expected, linear, solved[ok], share[ok]), LEAST_GAIN)
+        short = gains < wanted[rows] * (1 - 1e-9)
+        done = rows[~short]
+        if step:  # between two sizes the gain is as a power of the size
+            part = np.log(wanted[done] / gain_low[done]) / np.log(gains[~short] / gain_low[done])
+            out[done] = low[done] * 2.0**part
+        else:
+            out[done] *= np.maximum(np.sqrt(wanted[done] / gains[~short]), 0.5)
+        rows = rows[short]
+        low[rows], gain_low[rows], out[rows] = size[short], gains[short], np.inf
     return out
+
+
+def _between(expected: ExpectedGains, linear: Floats, solved: Floats, share: Floats) -> Floats:
+    """Return expected gains (n,): of multiples of a change, as far as sizes solved for do not contradict.
+
+    Solved for, sizes gain the more the more the unknowns fail to follow: no less than with the ``share`` that
+    counts out that failure. Where they follow to the first order they follow too well: no more than twice.
+    """
+    one = np.ones(len(linear))
+    each = linear, solved, share[:, None] * solved
+    first, as_solved, least = (expected.gains(one, x[:, :-1], x[:, -1]) for x in each)
+    return np.clip(first, np.minimum(least, as_solved), 2 * np.maximum(as_solved, 0.0))
 
 
 def _followed(littles: Sequence[Little]) -> Ints:
