@@ -110,7 +110,9 @@ def compared(problem: FitProblem, forecast: Forecast, i: int) -> Iterator[Compar
                 wrong = fit(known, [other.grid.effect], [parameter_values(at)], **start)
                 likeness = float(cosine**2)
                 fitted_likeness = (log_posterior(known, wrong) - nothing) / gained
-        ratio = right.std[effect.name, first] / forecast.std(i, factor)
+        ratio = right.std[effect.name, first] / forecast.std(
+            int(forecast.owner[i]), parameter_values(right.effects[0])
+        )
         yield Compared(effect.kind, n, gain, gained, ratio, likeness, fitted_likeness)
 
 

@@ -13,7 +13,7 @@ from updating.forecast import Forecast, Grid, Little, Look, Sizes
 from updating.inference import FULL_LINES
 from updating.inference.fitting import fit
 from updating.plan.planned import as_planned
-from updating.plan.visibility import gain_at
+from updating.plan.visibility import amplitudes_as_solved, gain_at, least_amplitudes
 
 
 @pytest.fixture(scope="module")
@@ -214,3 +214,35 @@ def test_explained_shares_lie_between_nothing_and_all(prepared):
     assert (shares <= 1).all()
     heavier = max(range(len(candidates)), key=lambda k: shares[k])
     assert candidates[heavier].where == make_case(0).hidden.where
+
+
+@pytest.mark.parametrize("kind", ["point_mass", "stiffness_loss"])
+def test_std_of_a_forecast_is_that_of_a_fit_with_a_free_position(prepared, kind):
+    problem, _, candidates = prepared
+    planned = as_planned(problem, problem.nominal())
+    planned = replace(planned, scatter=replace(planned.scatter, sizes=()))
+    effect = next(e for e in candidates if e.kind == kind)
+    forecast = Forecast.at(planned, planned.nominal(), [effect], besides=0.0)
+    i = len(forecast.owner) // 3
+    there = forecast.effect_at(i, 5.0 / forecast.precision[i])
+    known = hiding(planned, there)
+    start = {"x_from": known.nominal(), "stages": known.stages[-1:], "n_lines": FULL_LINES}
+    right = fit(known, [effect], [parameter_values(there)], **start)
+    (found,), first = right.effects, effect.parameters()[0].name
+    stated = right.std[effect.name, first]
+    assert forecast.std(0, parameter_values(found)) == pytest.approx(stated, rel=0.2)
+
+
+def test_spring_stiffer_than_what_it_holds_is_seen_at_no_size():
+    """At the top of a post on a fixed base, along the post; as a multiple of a soft one it would be."""
+    case = make_case(1, "portal", "nothing")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    planned = as_planned(problem, problem.nominal())
+    springs = [e for e in propose(case.model, ["ground_spring"]) if "left" in e.where]
+    forecast = Forecast.at(planned, planned.nominal(), springs, besides=0.015, vectors=True)
+    wanted = np.full(len(forecast.owner), 12.5)
+    linear, solved = (f(forecast, wanted, 0.015) for f in (least_amplitudes, amplitudes_as_solved))
+    along = [k for k, e in enumerate(springs) if e.where.endswith("z")]
+    assert np.isfinite(linear).all()
+    assert np.isinf(solved[along]).all()
+    assert np.isfinite(solved[[k for k in range(len(springs)) if k not in along]]).any()

@@ -6,7 +6,7 @@ whitened residuals, makes the effect known to ± 1/|v|: of size a it gains ½ (a
 it, and of that the share 1 - cos² over one with another effect.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -32,6 +32,8 @@ LEAST_SQUARE = 1e-300
 """A sum of squared residuals below this is none."""
 STEP = 1e-3
 """Step of differences by a parameter, in parts of its prior deviation or of a size [-]."""
+SMALL_SHARE = 0.01
+"""A size is forecast by the slope at this share of it [-]."""
 TOGETHER = 200
 """Number of small changes that are judged at once."""
 
@@ -293,23 +295,21 @@ class Forecast:
             int(self.place[i]), float(self.factor[i]), 1 / max(float(self.sharpness[i]), 1e-12)
         )
 
-    def std(self, i: int, factor: float, *, solve: bool = True) -> float:
-        """Return the standard deviation of a candidate's first parameter at a multiple of its little.
+    def std(self, k: int, values: Mapping[str, float]) -> float:
+        """Return the standard deviation of the first parameter of the k-th candidate at given values.
 
         With its other parameters free, such as its position, as in a fit with it; infinite where the data do
-        not see it [unit of the parameter]. Unless ``solve``, the slope by its size is that of a little.
+        not see it [unit of the parameter].
         """
-        little, k = self.littles[self.owner[i]], int(self.place[i])
-        name, factor = little.grid.effect.parameters()[0].name, factor or 1.0
-        step = STEP * factor
-        low, high = (little.values(k, a)[name] for a in (factor - step, factor + step))
-        precision = self._precision_at(i, factor, solve)
-        return abs(high - low) / (2 * abs(step)) / precision if precision > 0 else np.inf
+        grid, absent, point = self.littles[k].grid, self.littles[k].absent, dict(values)
+        name = grid.effect.parameters()[0].name
+        low, high = (grid.scaled(point, 1 + s * STEP, absent)[name] for s in (-1, 1))
+        precision = self._precision_at(k, point)
+        return abs(high - low) / (2 * STEP) / precision if precision > 0 else np.inf
 
-    def _precision_at(self, i: int, factor: float, solve: bool) -> float:
-        """Return 1 / standard deviation of a multiple with all parameters of the effect free."""
-        look, little, k = self.look, self.littles[self.owner[i]], int(self.place[i])
-        grid, point = little.grid, little.values(k, factor)
+    def _precision_at(self, k: int, point: dict[str, float]) -> float:
+        """Return 1 / standard deviation of multiples of a size with all parameters of the effect free."""
+        look, grid, absent = self.look, self.littles[k].grid, self.littles[k].absent
         effect = grid.effect
         pairs: list[dict[str, float]] = []
         widths: list[float] = []
@@ -320,25 +320,23 @@ class Forecast:
             if ends[1] > ends[0] and prior.std > 0:
                 pairs += [{**point, name: unknown.to_value(end)} for end in ends]
                 widths.append((ends[1] - ends[0]) / prior.std)
-        one, ends = (little.points[k],), (factor * (1 - STEP), factor * (1 + STEP))
+        one = (grid.scaled(point, SMALL_SHARE, absent),)
         if look.residuals.has_slope(effect):
-            each = self._slopes([Little(grid, (*one, *pairs), little.absent, np.ones(len(pairs) + 1))])[0]
+            each = self._slopes([Little(grid, (*one, *pairs), absent, np.ones(len(pairs) + 1))])[0]
         else:
-            small = look.small_changes(Little(grid, one, little.absent, np.ones(1)))
-            each = np.concatenate([small, look.all_changes(Grid(effect, tuple(pairs)))]) if pairs else small
+            each = look.small_changes(Little(grid, one, absent, np.ones(1)))
+            each = np.concatenate([each, *([look.all_changes(Grid(effect, tuple(pairs)))] if pairs else [])])
         moved = each[:, look.residuals.full_band]
-        if solve:
-            # A hinge that is nearly free changes less with its size, a loss of nearly all stiffness more.
-            low, high = look.all_changes(Grid(effect, tuple(little.values(k, a) for a in ends)))
-            sizes = np.array([moved[0], (high - low)[look.residuals.full_band] / (ends[1] - ends[0])])
-            slope = np.sqrt(np.abs(sizes) ** 2 @ look.weights[: len(look.share)])
-            moved[0] *= slope[1] / max(slope[0], LEAST_SQUARE)
-        # The change by one prior deviation of each of the others; a residual of 1 each is their prior.
+        # By a multiple of the size, and by a prior deviation of each of the others, of which 1 is known.
+        moved[0] /= SMALL_SHARE
         moved[1:] /= np.repeat(widths, 2)[:, None]
         v, *others = look.whitened(look.adapted(moved, effect.replaces()))
-        G = np.array(others[1::2]).reshape(-1, len(v)) - np.array(others[::2]).reshape(-1, len(v))
-        b = G @ v
-        return float(np.sqrt(max(v @ v - b @ np.linalg.solve(G @ G.T + np.eye(len(G)), b), 0.0)))
+        square = float(v @ v)
+        if others:
+            G = np.array(others[1::2]) - np.array(others[::2])
+            b = G @ v
+            square -= float(b @ np.linalg.solve(G @ G.T + np.eye(len(G)), b))
+        return float(np.sqrt(max(square, 0.0)))
 
     def squares_at(self, rows: Ints, multiples: Floats) -> tuple[Floats, Floats]:
         """Return ``squares`` of sizes as they are rather than of multiples of a change, and a share of them.

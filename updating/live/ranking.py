@@ -16,7 +16,7 @@ from updating.diagnosis.evidence.screening import look_at
 from updating.diagnosis.evidence.shortlist import MOST_PLACES
 from updating.diagnosis.findings import EffectParameter
 from updating.forecast.forecast import Forecast
-from updating.forecast.grid import Grid, distance
+from updating.forecast.grid import Grid
 from updating.forecast.look import Look
 from updating.inference.belief import UNKNOWN_ODDS
 from updating.inference.fit import FitProblem
@@ -173,7 +173,7 @@ def _ranked(
             effect = effect.with_values(**solved[effect.name].starts[0].values[0])
         else:
             effect = forecast.effect_at(i, float(forecast.factor[i]))
-        std = np.nan if far else _std_of(forecast, i, effect, solve=effect.name in solved)
+        std = np.nan if far else forecast.std(k, parameter_values(effect))
         changes = _directions(few_values, effect) if n < COMPARED else None
         promises.append(Promise(effect, std, float(gains[k]), float(probabilities[k]), changes))
     return RankedCandidates(tuple(promises), float(probabilities[-2]), float(probabilities[-1]), far)
@@ -193,13 +193,3 @@ def _directions(look: Look, effect: Effect) -> NDArray[np.float64]:
     change = look.changes(Grid(effect, (parameter_values(effect), *grid.points)))
     v = look.whitened(look.adapted(change, effect.replaces()))
     return v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300)
-
-
-def _std_of(forecast: Forecast, i: int, effect: Effect, *, solve: bool) -> float:
-    """Return the standard deviation of the first parameter of an effect, at the i-th place of a forecast."""
-    little, place = forecast.littles[forecast.owner[i]], int(forecast.place[i])
-    if not forecast.precision[i] > 0:
-        return np.nan
-    p = little.grid.first_parameter(little.points[place], little.absent)
-    ratio = distance(p, parameter_values(effect)[p.name]) / distance(p, little.points[place][p.name])
-    return forecast.std(i, ratio, solve=solve)
