@@ -114,6 +114,13 @@ def test_little_of_two_parameters_is_a_little_in_both(cross):
         assert smaller == pytest.approx(1e-3 * small, rel=0.01, abs=1e-9 * np.abs(small).max())
 
 
+def test_each_point_of_a_grid_is_a_multiple_of_a_little(cross):
+    for little in cross[1].littles:
+        grid, absent = little.grid, little.absent
+        little_ones = {grid.direction(point, absent) for point in little.points}
+        assert {grid.direction(point, absent) for point in grid.points} == little_ones
+
+
 @pytest.mark.parametrize("kind", ["joint_stiffness", "joint_complex_stiffness"])
 def test_effect_that_replaces_an_uncertain_parameter_is_forecast_as_it_is_fitted(cross, kind):
     """Without the effect a fit varies the parameter within its prior, with it at will."""

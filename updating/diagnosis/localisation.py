@@ -158,11 +158,9 @@ def _shares(problem: FitProblem, result: FitResult, candidates: Sequence[Effect]
 def _about_best(forecast: Forecast, k: int) -> Grid:
     """Return the grid of a candidate at its best place and the next ones on either side."""
     little, rows = forecast.littles[k], np.flatnonzero(forecast.owner == k)
-    i, first = int(np.argmax(forecast.share[rows])), little.grid.effect.parameters()[0].name
-    near = [{**point, first: 0.0} for point in little.points[max(i - 1, 0) : i + 2]]
-    return Grid(
-        little.grid.effect, tuple(point for point in little.grid.points if {**point, first: 0.0} in near)
-    )
+    i, grid = int(np.argmax(forecast.share[rows])), little.grid
+    near = {grid.direction(point, little.absent) for point in little.points[max(i - 1, 0) : i + 2]}
+    return Grid(grid.effect, tuple(p for p in grid.points if grid.direction(p, little.absent) in near))
 
 
 def _rms(x: NDArray[np.float64]) -> float:

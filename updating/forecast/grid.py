@@ -46,7 +46,7 @@ class Grid:
         first = self.effect.parameters()[0].name
         alike: dict[tuple, list[dict[str, float]]] = {}
         for point in self.points:
-            alike.setdefault(self._direction(point, absent), []).append(point)
+            alike.setdefault(self.direction(point, absent), []).append(point)
         slight = []
         for points in alike.values():
             p = self.first_parameter(points[0], absent)
@@ -56,7 +56,7 @@ class Grid:
             slight.append((self.scaled(points[weakest], WEAKER, absent), most / strength[weakest] / WEAKER))
         return tuple(slight)
 
-    def _direction(self, point: dict[str, float], absent: float | None) -> tuple[float, ...]:
+    def direction(self, point: dict[str, float], absent: float | None = None) -> tuple[float, ...]:
         """Return what points have in common that differ by their size alone."""
         first, *others = self.amplitudes(point, absent)
         size = distance(first, point[first.name])
