@@ -67,7 +67,7 @@ def hiding(problem: FitProblem, effect: Effect) -> FitProblem:
     nominal = there.nominal()
     values = {(effect.name, name): value for name, value in parameter_values(effect).items()}
     H = there.receptance(replace(nominal, effects=(effect,), values={**nominal.values, **values}))
-    return replace(problem, data=replace(problem.data, H=H))
+    return replace(there, data=replace(there.data, H=H))
 
 
 def log_posterior(problem: FitProblem, fitted: FitResult) -> float:
@@ -107,7 +107,8 @@ def compared(problem: FitProblem, forecast: Forecast, i: int) -> Iterator[Compar
             multiple = factor * cosine * lengths[0] / lengths[1]
             if gained > LEAST_GAIN and other.reaches(int(forecast.place[rival]), multiple):
                 at = forecast.effect_at(rival, multiple)
-                wrong = fit(known, [other.grid.effect], [parameter_values(at)], **start)
+                able = replace(known, reduced=known.reduced.with_forces_of([at]))
+                wrong = fit(able, [other.grid.effect], [parameter_values(at)], **start)
                 likeness = float(cosine**2)
                 fitted_likeness = (log_posterior(known, wrong) - nothing) / gained
         ratio = right.std[effect.name, first] / forecast.std(
