@@ -91,7 +91,9 @@ def cross():
     planned = as_planned(problem, problem.nominal())
     planned = replace(planned, scatter=replace(planned.scatter, sizes=()))
     kinds = ["joint_stiffness", "joint_complex_stiffness"]
-    return planned, Forecast.at(planned, planned.nominal(), propose(case.model, kinds), besides=0.0)
+    return planned, Forecast.at(
+        planned, planned.nominal(), propose(case.model, kinds), besides=0.0, vectors=True
+    )
 
 
 def test_little_of_two_parameters_is_a_little_in_both(cross):

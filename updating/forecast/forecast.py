@@ -30,6 +30,8 @@ ROUNDING = 1e-9
 """Changes of residuals by the largest plausible size below this are none [nepers]."""
 LEAST_SQUARE = 1e-300
 """A sum of squared residuals below this is none."""
+MOST_SAMPLED, FAINT = 400, 0.05
+"""Number of residuals by which sizes are compared; faint changes, in parts of the rms, do not count."""
 STEP = 1e-3
 """Step of differences by a parameter, in parts of its prior deviation or of a size [-]."""
 SMALL_SHARE = 0.01
@@ -55,8 +57,6 @@ class Forecast:
     squares : ndarray (n, n_groups + 1)
         Mean squares of what nothing uncertain can do of each group's residuals and, behind these, half the
         squares of what is known beforehand.
-    left : ndarray (n,)
-        Share of the weighted square of a little that a model without the effect leaves [-].
     precision : ndarray (n,)
         1 / standard deviation of the multiple: |v|.
     cost, factor : ndarray (n,)
@@ -74,6 +74,8 @@ class Forecast:
         replaces an uncertain parameter.
     changes : ndarray (n, m)
         Changes of the weighted residuals of the full band, where they were asked for.
+    samples : ndarray (n, n_sampled)
+        Of some of these residuals, where vectors were asked for.
     """
 
     look: Look[Any, Any]
@@ -81,7 +83,6 @@ class Forecast:
     owner: Ints
     place: Ints
     squares: Floats
-    left: Floats
     precision: Floats
     cost: Floats
     factor: Floats
@@ -91,6 +92,7 @@ class Forecast:
     low: Floats
     vectors: Floats = field(repr=False)
     changes: Complexes = field(repr=False)
+    samples: NDArray[np.complex64] = field(init=False, repr=False)
 
     @classmethod
     def at(
@@ -152,7 +154,6 @@ class Forecast:
             np.repeat(np.arange(len(grids)), n_each),
             np.concatenate([np.arange(0), *(np.arange(k) for k in n_each)]).astype(np.int64),
             np.empty((n, look.share.shape[1] + 1)),
-            left=np.empty(n),
             precision=np.empty(n),
             cost=np.empty(n),
             factor=np.empty(n),
@@ -163,6 +164,7 @@ class Forecast:
             vectors=np.empty((n if vectors else 0, look.slopes.shape[1])),
             changes=np.empty((n if changes else 0, m), dtype=complex),
         )
+        out.samples = np.empty((n if vectors else 0, len(out._sampled)), dtype=np.complex64)
         most = np.concatenate([np.zeros(0), *(little.most for little in littles)])
         one_sided = np.repeat([grid.one_sided() for grid in grids], n_each).astype(bool)
         replaced = [tuple(grid.effect.replaces()) for grid in grids]
@@ -175,6 +177,8 @@ class Forecast:
             out.low[rows] = look.low_levels(low, most[rows], one_sided[rows])
             if changes:
                 out.changes[rows] = full
+            if vectors:
+                out.samples[rows] = full[:, out._sampled]
             groups: dict[tuple[ParameterRef, ...], list[int]] = {}
             for k, i in enumerate(rows):
                 groups.setdefault(replaced[out.owner[i]], []).append(k)
@@ -205,8 +209,6 @@ class Forecast:
         beyond = look.adapted(change) if replaced else moved
         of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
         self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
-        whole = np.maximum(np.abs(change) ** 2 @ look.weights[:m], LEAST_SQUARE)
-        self.left[rows] = (look.whitened(beyond) ** 2).sum(axis=1) / whole
         v, y = look.whitened(moved), look.whitened(now[None])[0]
         square = (v**2).sum(axis=1)
         self.precision[rows] = np.sqrt(square)
@@ -339,15 +341,15 @@ class Forecast:
         return float(np.sqrt(max(square, 0.0)))
 
     def squares_at(self, rows: Ints, multiples: Floats) -> tuple[Floats, Floats]:
-        """Return ``squares`` of sizes as they are rather than of multiples of a change, and a share of them.
+        """Return what sizes do as they are, rather than multiples of a change.
 
-        (n_rows, n_groups + 1), and (n_rows,): with this share the unknowns leave as much of a change as of a
-        little, at most all. Resonances that shift by more than their width are not followed to the first
-        order. Not a number where the parameters have no such value.
+        ``squares`` of the changes solved for, (n_rows, n_groups + 1), and the multiples of the change of a
+        little that most residuals show, (n_rows,): those next to a resonance that shifts by more than its
+        width show less. Not a number where the parameters have no such value. Needs ``samples``.
         """
         look = self.look
         m, full_band = len(look.share), look.residuals.full_band
-        out, share = np.full((len(rows), self.squares.shape[1]), np.nan), np.full(len(rows), np.nan)
+        out, effective = np.full((len(rows), self.squares.shape[1]), np.nan), np.full(len(rows), np.nan)
         for k in np.unique(self.owner[rows]):
             little = self.littles[k]
             every, places = np.flatnonzero(self.owner[rows] == k).tolist(), self.place[rows].tolist()
@@ -361,10 +363,14 @@ class Forecast:
             of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
             some = [n for n, *_ in each]
             out[some] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
-            left = (look.whitened(beyond) ** 2).sum(axis=1)
-            whole = np.maximum(np.abs(change) ** 2 @ look.weights[:m], LEAST_SQUARE)
-            share[some] = np.minimum(1.0, self.left[rows[some]] * whole / np.maximum(left, LEAST_SQUARE))
-        return out, share
+            effective[some] = _multiples(change[:, self._sampled], self.samples[rows[some]])
+        return out, effective
+
+    @cached_property
+    def _sampled(self) -> Ints:
+        """Which residuals of the full band have samples."""
+        m = len(self.look.share)
+        return np.arange(0, m, max(1, m // MOST_SAMPLED))
 
     def _over_places(self, together: np.ufunc, each: Floats) -> Floats:
         out = np.full(len(self.littles), -np.inf)
@@ -375,3 +381,12 @@ class Forecast:
         """Return a candidate at one of its places and at a multiple of its little there."""
         little = self.littles[self.owner[i]]
         return little.grid.effect.with_values(**little.values(int(self.place[i]), factor))
+
+
+def _multiples(change: Complexes, little: NDArray[np.complexfloating]) -> Floats:
+    """Return the medians over residuals of the ratios of changes (n, m) to others, (n,)."""
+    size = np.abs(little) ** 2
+    counts = size > FAINT**2 * size.mean(axis=1, keepdims=True)
+    ratio = (change * little.conj()).real / np.where(counts, size, 1.0)
+    each = [np.median(r[c]) if c.any() else 0.0 for r, c in zip(ratio, counts, strict=True)]
+    return np.abs(np.array(each))

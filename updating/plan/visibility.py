@@ -37,8 +37,8 @@ MOST_POSITIONS = 4_000
 """Of more positions of all effects together, each effect is looked at on fewer, evenly spaced: minutes."""
 LEAST_SINE_SQUARE = 1e-9
 """Effects whose changes have a smaller angle between them are the same at any size."""
-N_LARGER = 6
-"""A size is doubled this many times at most until it gains enough."""
+N_LARGER, NEARLY = 6, 0.7
+"""A size that gains less than this part of what is wanted is doubled this many times at most [-]."""
 LEAST_GAIN = 1e-3
 """Gains below this are none [nats]."""
 N_AT_ONCE = 500
@@ -279,8 +279,7 @@ def _expected(forecast: Forecast, discrepancy: float | None, averaged: float) ->
 def gain_at(forecast: Forecast, i: int, factor: float, discrepancy: float | None) -> float:
     """Return the expected gain of a multiple at the i-th place, by which sizes are stated [nats]."""
     solved = forecast.squares_at(np.array([i]), np.array([factor]))
-    linear = factor**2 * forecast.squares[i][None]
-    return float(_between(_expected(forecast, discrepancy, 1.0), linear, *solved)[0])
+    return float(_gains(_expected(forecast, discrepancy, 1.0), forecast.squares[[i]], *solved)[0])
 
 
 def least_amplitudes(
@@ -301,37 +300,41 @@ def amplitudes_as_solved(
     """
     expected, squares = _expected(forecast, discrepancy, averaged), forecast.squares
     least = expected.multiples(squares[:, :-1], squares[:, -1], wanted)
+
+    def gains(rows: Ints, size: Floats) -> Floats:
+        solved, effective = forecast.squares_at(rows, size)
+        return np.maximum(_gains(expected, squares[rows], solved, effective), LEAST_GAIN)
+
     out, rows = least.copy(), np.flatnonzero(np.isfinite(least))
-    low, gain_low = out.copy(), wanted.copy()
-    for step in range(N_LARGER + 1):
-        size = 2.0**step * least[rows]
-        solved, share = forecast.squares_at(rows, size)
-        ok = np.isfinite(share)
-        rows, size = rows[ok], size[ok]
-        linear = size[:, None] ** 2 * squares[rows]
-        gains = np.maximum(_between(expected, linear, solved[ok], share[ok]), LEAST_GAIN)
-        short = gains < wanted[rows] * (1 - 1e-9)
-        done = rows[~short]
-        if step:  # between two sizes the gain is as a power of the size
-            part = np.log(wanted[done] / gain_low[done]) / np.log(gains[~short] / gain_low[done])
-            out[done] = low[done] * 2.0**part
-        else:
-            out[done] *= np.maximum(np.sqrt(wanted[done] / gains[~short]), 0.5)
-        rows = rows[short]
-        low[rows], gain_low[rows], out[rows] = size[short], gains[short], np.inf
+    gained = np.full(len(least), np.nan)
+    gained[rows] = gains(rows, least[rows])
+    ratio = wanted / gained  # not a number of what is not solved for
+    out = np.where(ratio > 0, out * np.sqrt(ratio), out)
+    # Between two sizes the gain is as a power of the size.
+    more = np.flatnonzero(ratio < NEARLY)
+    power = np.log(gained[more] / (now := gains(more, out[more]))) / np.log(least[more] / out[more])
+    out[more] *= (wanted[more] / now) ** (1 / np.maximum(power, 1.0))
+    less, low, before = np.flatnonzero(ratio > 1 / NEARLY), least.copy(), gained
+    out[less] = np.inf
+    for _ in range(N_LARGER):
+        now = gains(less, 2 * low[less])
+        enough = now >= wanted[less]
+        done = less[enough]
+        part = np.log(wanted[done] / before[done]) / np.log(now[enough] / before[done])
+        out[done] = low[done] * 2.0**part
+        less, now = less[now < wanted[less]], now[now < wanted[less]]
+        low[less], before[less] = 2 * low[less], now
     return out
 
 
-def _between(expected: ExpectedGains, linear: Floats, solved: Floats, share: Floats) -> Floats:
-    """Return expected gains (n,): of multiples of a change, as far as sizes solved for do not contradict.
+def _gains(expected: ExpectedGains, squares: Floats, solved: Floats, effective: Floats) -> Floats:
+    """Return expected gains (n,): of the effective multiples of a change, but at most twice those solved for.
 
-    Solved for, sizes gain the more the more the unknowns fail to follow: no less than with the ``share`` that
-    counts out that failure. Where they follow to the first order they follow too well: no more than twice.
+    Where unknowns follow to the first order they follow too well: fits gained once to twice as much.
     """
-    one = np.ones(len(linear))
-    each = linear, solved, share[:, None] * solved
-    first, as_solved, least = (expected.gains(one, x[:, :-1], x[:, -1]) for x in each)
-    return np.clip(first, np.minimum(least, as_solved), 2 * np.maximum(as_solved, 0.0))
+    one = np.ones(len(effective))
+    as_solved = expected.gains(one, solved[:, :-1], solved[:, -1])
+    return np.minimum(expected.gains(effective, squares[:, :-1], squares[:, -1]), 2 * as_solved)
 
 
 def _followed(littles: Sequence[Little]) -> Ints:
