@@ -13,7 +13,7 @@ from fem.model import Effect, Model
 from fem.summary import percent, summary
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.elsewhere import weigh_elsewhere
-from updating.diagnosis.evidence.diagnosis import Searched, searched
+from updating.diagnosis.evidence.diagnosis import Searched, search_promised, searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import Finding, labels, parameters_of
@@ -242,8 +242,7 @@ def searched_modes(search: Search[ModeProblem], model: Model, say: Progress) -> 
     search.promise_rest(search.known[frozenset()])
     search.fit_promised()
     weigh_elsewhere(search)
-    better = search.best.score > done.best.score
-    return (replace(done, best=search.polished(search.best)) if better else done).answered()
+    return search_promised(done).answered()
 
 
 def candidates_for(

@@ -272,9 +272,11 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
         _go_on(ways, progress)
         progress("refining", 0.9)
         best, *others = sorted(ways, key=lambda way: -way.search.best.score)
-        best = replace(best, best=best.search.polished(best.search.with_rivals_of_form(best.search.best)))
+        search = best.search
+        best = replace(best, best=search.polished(search.with_rivals_of_form(search.best)))
         if best.explains:
-            best.search.promise_rest(best.best)
+            search.promise_rest(best.best)
+            best = search_promised(best)
     except EndEarlyError:
         for way in ways:
             way.search.end_early()
@@ -282,6 +284,16 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
         best = replace(best, best=best.search.best, finished=False)
     best = replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
     return best.answered() if best.finished else best
+
+
+def search_promised(done: Searched[P]) -> Searched[P]:
+    """Return a search that has fitted what promised to be as probable as its best hypothesis.
+
+    A promise of small changes is kept by a fit, or it is none.
+    """
+    search = done.search
+    search.fit_promised()
+    return done if search.best.score <= done.best.score else replace(done, best=search.polished(search.best))
 
 
 def _go_on(ways: Sequence[Searched[P]], progress: Progress) -> None:
