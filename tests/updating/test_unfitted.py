@@ -7,6 +7,7 @@ from scipy.integrate import quad
 from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating import build_mode_problem, diagnose_modes, propose
 from updating.diagnosis.evidence import ModeRanking, Search, Searched, values_of
+from updating.diagnosis.evidence.diagnosis import search_promised
 from updating.forecast import Forecast
 from updating.inference import TWIN_NATS, EffectPrior, ModeProblem
 from updating.inference.joint_fit import JointLevels
@@ -123,3 +124,14 @@ def test_many_effects_that_are_each_little_more_probable_than_none_are_something
     assert not done.best.effects
     answer = done.answered()
     assert bool(answer.best.effects) == found
+
+
+def test_a_promise_that_a_fit_does_not_keep_is_none():
+    """A lap joint promised 11 nats by small changes, a fit gained none: "nothing missing" had 0.001 %."""
+    search, nothing = begun(["member_section", "support_flexibility"])
+    search.promise_rest(nothing)
+    first = search.promises()[0]
+    search.promised[first.key] = first.at_score(nothing.score + 11.0)
+    done = search_promised(Searched(search, nothing, (), float("nan"), cantilever()))
+    assert done.answered().best is nothing
+    assert done.probability(nothing) > 0.5
