@@ -146,12 +146,41 @@ def test_an_end_of_a_member_is_near_to_what_holds_that_member():
     assert near_to(zone) & near_to(shift) == {"arm"}
 
 
-@pytest.mark.parametrize(("far", "steps"), [(True, SHORT_STEPS), (False, QUICK_STEPS)])
-def test_near_the_data_first_fits_go_as_far_as_later_ones(far, steps):
-    """There everything else must follow an effect before its score says anything."""
+@pytest.mark.parametrize(
+    ("far", "explains", "precise", "steps"),
+    [
+        (True, False, True, SHORT_STEPS),
+        (False, True, True, QUICK_STEPS),
+        (False, False, True, QUICK_STEPS),
+        (False, False, False, SHORT_STEPS),
+        (False, True, False, QUICK_STEPS),
+    ],
+)
+def test_near_the_data_first_fits_go_as_far_as_later_ones(monkeypatch, far, explains, precise, steps):
+    """There everything else must follow an effect before its score says anything.
+
+    By modes this is so of what explains them: looks say too little of the others.
+    """
     asked = []
-    fits = SimpleNamespace(is_far=lambda base: far, shortly=lambda *how: asked.append(how[-1]))
-    module._shortly((fits, None, None), ((), ()))
+
+    def shortly(quick, effects, starts, steps):
+        asked.append(steps)
+        return []
+
+    search, base = object.__new__(Search), Given("", 0.0)
+    search.candidates, search.tell, search.budget, search.workers = (), print, NORMAL, ALONE
+    search.fits = SimpleNamespace(
+        problems=lambda base: (None, None),
+        is_far=lambda base: far,
+        ranking=SimpleNamespace(breadth=4, precise_looks=precise),
+        shortly=shortly,
+    )
+    search.known, search.promised = {base.key: base}, {}
+    new = module.NextHypotheses(tuple(Given("a", 0.0).effects), [Start({}, None)], 5.0, False)
+    monkeypatch.setattr(Search, "proposals", lambda self, base, quick: [new])
+    monkeypatch.setattr(Search, "settled", lambda self, h: explains)
+    monkeypatch.setattr(Search, "explains", lambda self, h: explains)
+    search.from_near(base, SimpleNamespace(far_start=lambda fitted: None), now=0.0)
     assert asked == [steps]
 
 

@@ -76,7 +76,7 @@ def test_the_result_tells_the_damping_of_connections_where_there_are_any():
     assert "connections_ratio" not in result._damping(replace(CURVE, connections=False), unknowns[:2])
 
     fit = SimpleNamespace(values={}, std={}, zeta=unknowns, covariance=np.diag([0.01, 0.01, 0.04, 0.09]))
-    problem = SimpleNamespace(nuisances=(), damping=CURVE, reduced=SimpleNamespace(model=None))
+    problem = SimpleNamespace(nuisance_unknowns=(), damping=CURVE, reduced=SimpleNamespace(model=None))
     problem.test_of, problem.data = (lambda fit: None), SimpleNamespace(has_damping=True)
 
     def rows(model):
