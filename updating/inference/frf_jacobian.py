@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,7 @@ class FrfJacobian:
     per: Complexes
     keep: NDArray[np.bool_]
     phase: bool = True
+    most_used: ClassVar[int] = 3
 
     @property
     def _counts(self) -> tuple[int, int, int, int]:

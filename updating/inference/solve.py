@@ -17,8 +17,6 @@ Linearised = Callable[[NDArray[np.float64]], tuple[NDArray[np.complex128], Jacob
 
 ROUNDING = 1e-7
 """Change of the data by one unit of an unknown that is put down to rounding [standard deviations]."""
-MOST_MADE = 3
-"""Number of points in a row that may share derivatives."""
 TOLERANCE = 5e-3
 """A fit ends when a step gains less [nats]."""
 
@@ -196,7 +194,7 @@ class _Derived(Linearisation):
 
     def again(self, point: _Point) -> "_Derived | None":
         """Return the model at a point near by, with the residuals and weights there."""
-        if self.n_made == MOST_MADE:
+        if self.n_made == self.jacobian.most_used:
             return None
         return self.posterior.with_derivatives(point, self.jacobian, self.n_made + 1)
 

@@ -1,7 +1,7 @@
 """Derivatives of residuals as the least-squares loop needs them: in sums of their products."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,11 @@ Complexes = NDArray[np.complex128]
 
 class Jacobian(Protocol):
     """Derivatives of m complex residuals by n unknowns."""
+
+    @property
+    def most_used(self) -> int:
+        """Number of points in a row that may share them: 1 where they cost hardly more than residuals."""
+        ...
 
     def products(
         self, r: Complexes, weight: Floats, member: NDArray[np.int64] | None = None
@@ -36,6 +41,7 @@ class DenseJacobian:
     """A Jacobian (n, m) as it is."""
 
     J: Complexes
+    most_used: ClassVar[int] = 1
 
     def products(
         self, r: Complexes, weight: Floats, member: NDArray[np.int64] | None = None
