@@ -585,6 +585,10 @@ class Model:
         """Return a model whose sections are known so well."""
         return replace(self, tolerances=(*self.tolerances, *tolerances))
 
+    def tolerances_of(self, member: str) -> tuple[SectionTolerance, ...]:
+        """Return how well the section of a member is known; what comes later counts."""
+        return tuple(t for t in self.tolerances if not t.members or member in t.members)
+
     def with_suspicion(self, suspicion: Suspicion) -> "Model":
         """Return a model in which missing effects are believed to be so probable."""
         return replace(self, suspicion=suspicion)

@@ -46,7 +46,8 @@ def run(options: Options, progress: Progress) -> Answer:
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *diagnosis_lines(found, modes)]
     if beyond:
         lines += ["", planning.EXCLUDED, planning.table_of_excluded(beyond)]
-        lines += ["", planning.HIDDEN, planning.table_of_hidden(beyond)]
+        if planning.hidden(beyond):
+            lines += ["", planning.HIDDEN, planning.table_of_hidden(beyond)]
     return Answer(
         study,
         [*lines, *candidates, *noted(found.notes, study.measured_notes)],

@@ -21,7 +21,7 @@ from dovetail.disk.exchange import exchanged
 from dovetail.disk.locks import Lock
 from dovetail.file.paths import InputFile, refuse_device
 from fem.io.atomic import LONGEST_NAME, WriteError, flushed, is_old, is_temporary, replacing, umask
-from updating.inference.heartbeat import EndEarlyError, Lasting
+from updating.inference.heartbeat import EndEarlyError, Lasting, may_end_early
 
 MARK = ".dovetail"
 """File that tells a folder of ours from others."""
@@ -400,7 +400,7 @@ class Progress:
         self._quiet, self._bar = quiet, sys.stderr.isatty()
         self._start = self._last = time.monotonic()
         self._line = ""
-        self._ends = False
+        self._ends = self._told = False
 
     def __call__(self, text: str, done: float = 0, total: float | None = None) -> None:
         """Show a step.
@@ -408,9 +408,12 @@ class Progress:
         Raises
         ------
         EndEarlyError
-            Once, after Ctrl-C where that ends the work early.
+            Once, after Ctrl-C where that ends a search early.
         """
-        if self._ends:
+        if self._ends and not self._told and not self._quiet:
+            self._told = True
+            print("\nending the search; Ctrl-C once more ends at once", file=sys.stderr, flush=True)
+        if self._ends and may_end_early():
             self._ends = False
             raise EndEarlyError
         if self._quiet:
@@ -441,8 +444,6 @@ class Progress:
         def end(number: int, frame: object) -> None:
             signal.signal(signal.SIGINT, before)
             self._ends = True
-            if not self._quiet:
-                print("\nending the search; Ctrl-C once more ends at once", file=sys.stderr, flush=True)
 
         signal.signal(signal.SIGINT, end)
         try:

@@ -92,14 +92,19 @@ def table_of_excluded(plan: Plan) -> Table:
     )
 
 
+def hidden(plan: Plan) -> dict[str, list[tuple[ParameterRef, Effect | None]]]:
+    """Return by the names of kinds what hides them, as of :meth:`Plan.hidden`, where anything does."""
+    return {name: by for name, some in named_kinds(plan) if (by := plan.hidden(some))}
+
+
 def table_of_hidden(plan: Plan) -> Table:
     """Return for each kind which uncertain parameters hide it most, where it is seen best."""
-    hidden = {name: by for name, some in named_kinds(plan) if (by := plan.hidden(some))}
-    known = [[size_text(e) for _, e in by[-1:] if e is not None] for by in hidden.values()]
+    by_kind = hidden(plan)
+    known = [[size_text(e) for _, e in by[-1:] if e is not None] for by in by_kind.values()]
     return Table.of(
         "hidden",
-        Column("effect", list(hidden)),
-        Column("hidden most by", [_uncertain(plan, [ref for ref, _ in by]) for by in hidden.values()]),
+        Column("effect", list(by_kind)),
+        Column("hidden most by", [_uncertain(plan, [ref for ref, _ in by]) for by in by_kind.values()]),
         Column("seen from, if these were known", [size or "–" for size in map("".join, known)]),
     )
 

@@ -150,9 +150,9 @@ def _sections(model: Model) -> Iterator[SectionForm]:
     for m in model.mesh.members:
         s = frame.members[m].section
         if not is_bar(model, m):
-            groups.setdefault(
-                tuple(np.round(np.log([s.A, s.Iy, s.Iz, s.J, model.mesh.member_length(m)]), 3)), []
-            ).append(m)
+            alike = np.round(np.log([s.A, s.Iy, s.Iz, s.J, model.mesh.member_length(m)]), 3)
+            known = [model.tolerances.index(t) for t in model.tolerances_of(m)]
+            groups.setdefault((*alike.tolist(), *known), []).append(m)
     for members in groups.values():
         name, p = f"section_form:{members[0]}", frame.members[members[0]]
         known = p.theory == "timoshenko" and max(p.section.ky, p.section.kz) > 0

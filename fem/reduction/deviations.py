@@ -301,7 +301,7 @@ def _along(X: NDArray[np.float32], S: Floats) -> NDArray[np.complex64]:
 def _products(
     A: NDArray[np.float32], stack: NDArray[np.float32], B: NDArray[np.float32]
 ) -> NDArray[np.complex64]:
-    """Return aᵀ X b for complex motions A (n_freq, i, 2, n) and B (n_freq, j, 2, n) and matrices X (m, n, n).
+    """Return bᵀ X a for complex motions A (n_freq, i, 2, n) and B (n_freq, j, 2, n) and matrices X (m, n, n).
 
     Returns
     -------

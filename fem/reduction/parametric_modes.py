@@ -130,7 +130,8 @@ def with_strong_damping(
         try:
             y = np.linalg.solve(shifted, y[:, :, None])[:, :, 0]
         except np.linalg.LinAlgError:  # an eigenvalue to the last digit
-            break
+            shifted[:, n, n] += 1e-12 * np.abs(quotient(y))[:, None]
+            y = np.linalg.solve(shifted, y[:, :, None])[:, :, 0]
         y = y / np.sqrt((y**2).sum(axis=1, keepdims=True))
     return quotient(y), y
 

@@ -154,6 +154,7 @@ def test_a_study_of_frequencies_alone_is_run(tmp_path, capsys):
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "Verdict: nothing missing" in page
     rows = {row["kind"]: row for row in result["excluded"]}
+    assert rows["point_mass"]["hidden_by"]
     assert all(0 < h["least_if_known"] < rows["point_mass"]["least"] for h in rows["point_mass"]["hidden_by"])
     assert "hidden most by" in page
 

@@ -21,7 +21,7 @@ from dovetail.file import input_files
 from fem.io import WriteError
 from fem.io.atomic import replacing
 from tests.frames import STUDY
-from updating.inference.heartbeat import EndEarlyError, Lasting
+from updating.inference.heartbeat import EndEarlyError, Lasting, ending_early
 
 
 def test_a_new_folder_appears_at_the_end(tmp_path):
@@ -134,8 +134,9 @@ def test_the_first_ctrl_c_ends_a_search_early_and_the_second_one_interrupts(caps
     progress, before = Progress(), signal.getsignal(signal.SIGINT)
     with progress.ending_early():
         signal.raise_signal(signal.SIGINT)
+        progress("reducing the model")
         assert "Ctrl-C once more" in capsys.readouterr().err
-        with pytest.raises(EndEarlyError):
+        with ending_early(), pytest.raises(EndEarlyError):
             progress("fitting")
         progress("concluding")
         with pytest.raises(KeyboardInterrupt):

@@ -369,6 +369,7 @@ def test_a_diagnosis_in_which_nothing_is_missing_says_what_it_excludes(file, tmp
     assert set(rows) == {"point_mass", "member_stiffness"}
     for row in rows.values():
         assert set(row) == {"kind", "unit", "n", "blind", "least", "most", "hidden_by"}
+        assert row["hidden_by"]
         sizes = [row["least"], *(h["least_if_known"] for h in row["hidden_by"])]
         assert [abs(s) for s in sizes] == sorted((abs(s) for s in sizes), reverse=True)
     assert rows["point_mass"]["unit"] == "kg"

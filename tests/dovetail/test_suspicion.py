@@ -30,6 +30,17 @@ def test_single_effects_have_the_stated_probability_together(tmp_path):
     assert stated.sum() == pytest.approx(3.0)
 
 
+def test_further_changes_are_as_improbable_as_ever(tmp_path):
+    for text in ("", "[candidates]\nmissing = 0.9\n"):
+        model = read(tmp_path, text)
+        mass, density, *_ = propose(model, ["point_mass", "member_density"])
+        odds = Odds.of((mass, density), model)
+        more = odds.prior((mass, density)) - odds.prior((mass,))
+        assert more < -np.log(10.0)
+        spread = next(e for e in propose(model, ["distributed_mass"]))  # a mass and a width
+        assert odds.prior((spread,)) < odds.prior(()) + np.log(9.0) - np.log(10.0) + 1e-9
+
+
 def test_kinds_with_a_weight_take_from_others_at_their_place(tmp_path):
     model = read(tmp_path, "[candidates.weights]\npoint_mass = 4\n")
     assert model.suspicion == Suspicion(None, {"point_mass": 4.0})

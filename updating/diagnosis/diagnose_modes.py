@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from fem.model import Effect, Model
+from fem.model import Effect, Model, ModelError
 from updating.diagnosis.baseline import calibrate, judged
 from updating.diagnosis.candidates import situated
 from updating.diagnosis.evidence.diagnosis import search_progress
@@ -62,12 +62,21 @@ def diagnose_modes(
     model_error : float
         Level up to which a model of beams counts as right, as for FRFs [nepers]; 0 for a right form.
     baseline : ModeTargets or Baseline, optional
-        Modes of an earlier state, or what it says of the model.
+        Modes of an earlier state, or what it says of the model; the latter was fitted with nuisances of its
+        own.
     changes : sequence of Effect
         Effects that are known to have come since then; the model has none of them.
     progress : callable, optional
         Called with a text and the fraction done.
+
+    Raises
+    ------
+    ModelError
+        If changes are stated without a baseline.
     """
+    if changes and baseline is None:
+        msg = "changes are those since an earlier state: baseline=…"
+        raise ModelError(msg)
     start_time, say = time.perf_counter(), progress or (lambda text, done: None)
     model = situated(model, kinds)
     more: dict[str, Any] = {"damping_std": damping_std, "model_error": model_error}

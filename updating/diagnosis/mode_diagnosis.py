@@ -38,7 +38,7 @@ from updating.diagnosis.verdict import (
 )
 from updating.inference.fit_result import FitResult
 from updating.inference.formed import Formed
-from updating.inference.heartbeat import Progress
+from updating.inference.heartbeat import EndEarlyError, Progress, ending_early
 from updating.inference.mode_fit import (
     FREQUENCY,
     LARGEST_DISCREPANCY,
@@ -239,10 +239,15 @@ def searched_modes(search: Search[ModeProblem], model: Model, say: Progress) -> 
     done = searched(Searched(search, search.full((), ()), (), float("nan"), model), say)
     if not done.finished:
         return done
-    search.promise_rest(search.known[frozenset()])
-    search.fit_promised()
-    weigh_elsewhere(search)
-    return search_promised(done).answered()
+    try:
+        with ending_early():
+            search.promise_rest(search.known[frozenset()])
+            search.fit_promised()
+            weigh_elsewhere(search)
+            return search_promised(done).answered()
+    except EndEarlyError:
+        search.end_early()
+        return replace(done, best=search.best, finished=False)
 
 
 def candidates_for(

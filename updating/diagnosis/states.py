@@ -153,7 +153,8 @@ def changed_problem(
 ) -> tuple[Calibrated, Model, ModeProblem]:
     """Return the calibration on the first state, and model and problem of the second one.
 
-    Parameters as of :func:`updating.diagnosis.diagnose_modes.diagnose_modes`.
+    ``before`` and ``after`` are the modes of the two states; other parameters are as of
+    :func:`updating.diagnosis.diagnose_modes.diagnose_modes`.
     """
     first = calibrate(model, before, nuisances, damping_std=damping_std, model_error=model_error)
     more: dict[str, Any] = {"damping_std": damping_std, "model_error": model_error}
@@ -170,7 +171,8 @@ def second_state(
 ) -> tuple[Model, ModeProblem]:
     """Return model and problem of the second state, given a calibration on the first.
 
-    Parameters as of :func:`updating.diagnosis.diagnose_modes.diagnose_modes`.
+    ``after`` are the modes of the second state; other parameters are as of
+    :func:`updating.diagnosis.diagnose_modes.diagnose_modes`.
     """
     changed = first.model.with_effect(*changes)
     problem = build_mode_problem(
@@ -253,10 +255,11 @@ def change_since(
         ways.append((searched_modes(search, changed, say), base))
         if not ways[-1][0].finished:
             break
-    ways.sort(key=lambda way: -way[0].best.score)
+    ways.sort(key=lambda way: -way[0].search.best.score)
     (done, base), *others = ways
     done = replace(done, finished=all(way.finished for way, _ in ways))
-    out = concluded(replace(done, otherwise=tuple(other for other, _ in others)))
+    done = replace(done, otherwise=tuple(other for other, _ in others))
+    out = concluded(done.answered() if done.finished else done)
     return replace(out, notes=(*_notes_on(baseline, base), *out.notes), baseline=base, judged=baseline)
 
 

@@ -170,7 +170,7 @@ class Little:
 
 
 def _scaled(p: Parameter, point: dict[str, float], factor: float) -> dict[str, float]:
-    """Return what :meth:`Grid.scaled` does, with the first parameter."""
+    """Return what :meth:`Grid.scaled` does, with one parameter."""
     if np.isinf(p.absent):
         value = point[p.name] / max(factor, 1e-12)
     elif p.log and p.absent > 0:

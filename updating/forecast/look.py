@@ -476,15 +476,13 @@ class Look(Generic[P, C]):
                 moved[rows] -= moved[np.ix_(rows, fixed)] @ by_fixed
         return moved
 
-    def hidden_by(
-        self, change: Complexes, replaced: Sequence[ParameterRef] = (), most: int = 2
-    ) -> list[tuple[ParameterRef, float]]:
+    def hidden_by(self, change: Complexes, most: int = 2) -> list[tuple[ParameterRef, float]]:
         """Return the nuisance parameters that take most of a change (m,), that which takes most first.
 
         With each comes by what factor less of the change would be seen if it and those before it were known
         exactly.
         """
-        fixed, out = list(replaced), list[tuple[ParameterRef, float]]()
+        fixed, out = list[ParameterRef](), list[tuple[ParameterRef, float]]()
         first = self._left(change, fixed)
         for _ in range(min(most, len(self.refs)) if first > 0 else 0):
             fixed.append(self._takes_most(change, fixed))

@@ -45,10 +45,12 @@ def _usual(model: Model, form: Effect) -> dict[str, float]:
     """Return how well a part of the form is known: a section as the model states, all else as usual."""
     std = FORM_SECTION | FORM_ZONE
     if isinstance(form, SectionForm):
-        section = form.frame.members[form.members[0]].section
-        for tolerance in model.tolerances:
-            if not tolerance.members or set(tolerance.members) & set(form.members):
-                std |= constants_std(tolerance, section)
+        member = form.members[0]
+        section, stated = form.frame.members[member].section, model.tolerances_of(member)
+        for tolerance in stated:
+            std |= constants_std(tolerance, section)
+        for tolerance in stated:  # what is measured counts before what follows from sizes
+            std |= tolerance.shares
     return std
 
 

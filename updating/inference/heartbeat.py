@@ -17,7 +17,28 @@ class Lasting(str):
 
 
 class EndEarlyError(KeyboardInterrupt):
-    """Raised by a progress function to end a search with what it has found so far."""
+    """Raised by a progress function to end a search with what it has found so far.
+
+    Only where :func:`may_end_early` says that a search listens.
+    """
+
+
+_listens: ContextVar[bool] = ContextVar("listens", default=False)
+
+
+@contextmanager
+def ending_early() -> Iterator[None]:
+    """Let the progress function end the block by :class:`EndEarlyError`."""
+    token = _listens.set(True)
+    try:
+        yield
+    finally:
+        _listens.reset(token)
+
+
+def may_end_early() -> bool:
+    """Whether what runs now can be ended by :class:`EndEarlyError`."""
+    return _listens.get()
 
 
 INTERVAL = 0.25

@@ -12,12 +12,15 @@ Complexes = NDArray[np.complex128]
 
 
 class Jacobian(Protocol):
-    """Derivatives of m complex residuals by n unknowns."""
+    """Derivatives of m complex residuals by n unknowns.
 
-    @property
-    def most_used(self) -> int:
-        """Number of points in a row that may share them: 1 where they cost hardly more than residuals."""
-        ...
+    Attributes
+    ----------
+    most_used : int
+        Number of points in a row that may share them: 1 where they cost hardly more than residuals.
+    """
+
+    most_used: ClassVar[int]
 
     def products(
         self, r: Complexes, weight: Floats, member: NDArray[np.int64] | None = None

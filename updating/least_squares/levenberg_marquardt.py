@@ -177,7 +177,7 @@ class Minimum(Generic[P, L]):
         The best one.
     linearisation : Linearisation
         At the last point where it was needed. After a last step that gained next to nothing that is the one
-        before it, which saves a Jacobian.
+        before it, which saves a Jacobian. Its derivatives may be those of a point shortly before.
     stop : Stop
     n_iterations : int
     """

@@ -194,7 +194,7 @@ class Visibility:
     def hidden_by(self, x: Visible) -> list[tuple[ParameterRef, float]]:
         """Return the uncertain parameters that hide most of an effect, as of :meth:`Look.hidden_by`."""
         change = self.look.small_changes(x.little)[x.position, self.look.residuals.full_band]
-        return self.look.hidden_by(change, x.little.grid.effect.replaces())
+        return self.look.hidden_by(change)
 
 
 def visibility(

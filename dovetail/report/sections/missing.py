@@ -19,7 +19,7 @@ from dovetail.report.sections.how_sure import best_of
 from dovetail.report.shown import TURN, Shown, choice
 from dovetail.result import RunResult, by_any, by_frfs
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED
+from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED, UNFINISHED
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.separation import Proposal
 from updating.diagnosis.verdict import Verdict
@@ -165,7 +165,8 @@ def _nothing_found(result: RunResult[Verdict], shown: Shown) -> list[Block]:
             "until the cause is known."
         ),
     }.get(d.verdict, d.reason)
-    looked = f"{looked_at} candidates were examined: {', '.join(kinds)}.{gained}"
+    were = "were to be examined" if d.verdict == UNFINISHED else "were examined"
+    looked = f"{looked_at} candidates {were}: {', '.join(kinds)}.{gained}"
     tried = Text(looked if looked_at else "There were no candidates.")
     return [Text(text), *_excluded(result, shown), tried]
 
@@ -183,6 +184,8 @@ def _excluded(result: RunResult[Verdict], shown: Shown) -> list[Block]:
         tools=choice("effect", [name for name, _ in planning.named_kinds(result.excluded)]),
         hint=TURN,
     )
-    tables = (planning.table_of_excluded(result.excluded), planning.table_of_hidden(result.excluded))
-    first, second = (TableBlock(*table.texts()) for table in tables)
-    return [Text(planning.EXCLUDED), first, Text(planning.HIDDEN), second, figure]
+    blocks: list[Block] = [Text(planning.EXCLUDED)]
+    blocks.append(TableBlock(*planning.table_of_excluded(result.excluded).texts()))
+    if planning.hidden(result.excluded):
+        blocks += [Text(planning.HIDDEN), TableBlock(*planning.table_of_hidden(result.excluded).texts())]
+    return [*blocks, figure]

@@ -22,7 +22,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, fit
 from updating.inference.formed import Formed, formed_problem
-from updating.inference.heartbeat import EndEarlyError, Lasting, Progress
+from updating.inference.heartbeat import EndEarlyError, Lasting, Progress, ending_early
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import ProblemOptions
@@ -269,14 +269,15 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
     """
     ways = [initial, *initial.otherwise]
     try:
-        _go_on(ways, progress)
-        progress("refining", 0.9)
-        best, *others = sorted(ways, key=lambda way: -way.search.best.score)
-        search = best.search
-        best = replace(best, best=search.polished(search.with_rivals_of_form(search.best)))
-        if best.explains:
-            search.promise_rest(best.best)
-            best = search_promised(best)
+        with ending_early():
+            _go_on(ways, progress)
+            progress("refining", 0.9)
+            best, *others = sorted(ways, key=lambda way: -way.search.best.score)
+            search = best.search
+            best = replace(best, best=search.polished(search.with_rivals_of_form(search.best)))
+            if best.explains:
+                search.promise_rest(best.best)
+                best = search_promised(best)
     except EndEarlyError:
         for way in ways:
             way.search.end_early()
@@ -298,25 +299,26 @@ def search_promised(done: Searched[P]) -> Searched[P]:
 
 def _go_on(ways: Sequence[Searched[P]], progress: Progress) -> None:
     """Let searches add effects, one at a time, and say what is known so far."""
+    said = ""
 
-    def tell() -> str:
+    def tell() -> None:
+        nonlocal said
         text = max((way.search for way in ways), key=lambda search: search.best.score).so_far()
         if text != said:
+            said = text
             progress(Lasting(text), 0.1)
-        return text
 
-    said = ""
-    said = tell()
+    tell()
     going = [(way.search, way.search.rounds()) for way in ways]
     for _, rounds in going:
         next(rounds, None)
-        said = tell()
+        tell()
     while going:
         search, rounds = max(going, key=lambda each: each[0].best.score)
         elsewhere = [way.search.best.score for way in ways if way.search is not search]
         if any(s > search.unknown(search.best) for s in elsewhere) or next(rounds, None) is None:
             going = [each for each in going if each[0] is not search]
-        said = tell()
+        tell()
 
 
 def candidates_for_test(

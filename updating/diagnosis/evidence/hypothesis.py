@@ -82,14 +82,14 @@ class Odds:
     Kinds of places are equally probable, so that all candidates together have the odds of one more change.
     ``admitted`` is the probability that the situation of the structure admits a kind, by kind, times its
     weight; a candidate of it counts as so much of one. ``beforehand`` is the logarithm of the odds of
-    everything else that is believed of the data, ``one_more`` that of the odds against one more change.
+    everything else that is believed of the data, ``something`` that of the odds against the first change.
     """
 
     n_candidates: Mapping[str, float]
     n_places: Mapping[str, int]
     admitted: Mapping[str, float]
     beforehand: float = 0.0
-    one_more: float = EFFECT_ODDS
+    something: float = EFFECT_ODDS
 
     @classmethod
     def of(cls, candidates: Sequence[Effect], model: Model, beforehand: float = 0.0) -> "Odds":
@@ -101,16 +101,17 @@ class Odds:
         for c, (_, name) in zip(candidates, where, strict=True):
             n_candidates[name] = n_candidates.get(name, 0.0) + share[c.kind]
         p = believed.missing
-        one_more = EFFECT_ODDS if p is None else float(np.log((1 - p) / p))
-        return cls(n_candidates, Counter(kind for kind, _ in set(where)), share, beforehand, one_more)
+        something = EFFECT_ODDS if p is None else float(np.log((1 - p) / p))
+        return cls(n_candidates, Counter(kind for kind, _ in set(where)), share, beforehand, something)
 
     def prior(self, effects: Sequence[Effect]) -> float:
         """Return the logarithm of the prior probability of effects."""
-        total = self.beforehand
+        n = sum(map(n_changes, effects))
+        total = self.beforehand - (self.something + EFFECT_ODDS * (n - 1) if n else 0.0)
         seen: set[str] = set()
         for e in effects:
             kind, name = place_of(e)
-            total -= self.one_more * n_changes(e) + np.log(max(self.n_candidates.get(name, 0.0), 1))
+            total -= np.log(max(self.n_candidates.get(name, 0.0), 1))
             total += np.log(self.admitted.get(e.kind, 1.0))
             if name not in seen:
                 seen.add(name)
