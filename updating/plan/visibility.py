@@ -39,6 +39,8 @@ MOST_POSITIONS = 4_000
 """Of more positions of all effects together, each effect is looked at on fewer, evenly spaced: minutes."""
 LEAST_SINE_SQUARE = 1e-9
 """Effects whose changes have a smaller angle between them are the same at any size."""
+N_WITHIN, SHORTER = 5, 0.7
+"""A size beyond the bounds of a parameter is tried so often as a shorter one, by about this factor [-]."""
 N_LARGER, NEARLY = 6, 0.7
 """A size that gains less than this part of what is wanted is doubled this many times at most [-]."""
 LEAST_GAIN = 1e-3
@@ -321,25 +323,35 @@ def amplitudes_as_solved(
         solved, effective = forecast.squares_at(rows, size)
         return np.maximum(_gains(expected, squares[rows], solved, effective), LEAST_GAIN)
 
-    out, rows = least.copy(), np.flatnonzero(np.isfinite(least))
+    low = least.copy()
     gained = np.full(len(least), np.nan)
-    gained[rows] = gains(rows, least[rows])
+    outside = np.flatnonzero(np.isfinite(least))
+    for _ in range(N_WITHIN):  # what grows more than linearly may suffice where its parameter ends
+        gained[outside] = gains(outside, low[outside])
+        outside = outside[np.isnan(gained[outside])]
+        low[outside] *= SHORTER
     ratio = wanted / gained  # not a number of what is not solved for
-    out = np.where(ratio > 0, out * np.sqrt(ratio), out)
+    out = np.where(ratio > 0, low * np.sqrt(ratio), least)
     # Between two sizes the gain is as a power of the size.
     more = np.flatnonzero(ratio < NEARLY)
-    power = np.log(gained[more] / (now := gains(more, out[more]))) / np.log(least[more] / out[more])
+    power = np.log(gained[more] / (now := gains(more, out[more]))) / np.log(low[more] / out[more])
     out[more] *= (wanted[more] / now) ** (1 / np.maximum(power, 1.0))
-    less, low, before = np.flatnonzero(ratio > 1 / NEARLY), least.copy(), gained
+    less, before = np.flatnonzero(ratio > 1 / NEARLY), gained.copy()
     out[less] = np.inf
     for _ in range(N_LARGER):
-        now = gains(less, 2 * low[less])
+        step = np.full(len(less), 2.0)
+        now = gains(less, step * low[less])
+        for _ in range(N_WITHIN):  # up to where the parameter ends
+            beyond = np.flatnonzero(np.isnan(now))
+            step[beyond] = np.sqrt(step[beyond])
+            now[beyond] = gains(less[beyond], step[beyond] * low[less[beyond]])
         enough = now >= wanted[less]
         done = less[enough]
         part = np.log(wanted[done] / before[done]) / np.log(now[enough] / before[done])
-        out[done] = low[done] * 2.0**part
-        less, now = less[now < wanted[less]], now[now < wanted[less]]
-        low[less], before[less] = 2 * low[less], now
+        out[done] = low[done] * step[enough] ** part
+        short = now < wanted[less]
+        less, now, step = less[short], now[short], step[short]
+        low[less], before[less] = step * low[less], now
     return out
 
 
