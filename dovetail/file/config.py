@@ -389,7 +389,9 @@ class _Reader:
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
         kinds, exclude, environment, suspicion = read_candidates(top)
         model = self._model(mesh, (*parts.frame, *more), damping, groups, notes).in_environment(*environment)
-        model = model.with_tolerances(*read_tolerances(top, model)).with_suspicion(suspicion)
+        model = model.with_tolerances(*read_tolerances(top, model, form=model_error > 0)).with_suspicion(
+            suspicion
+        )
         with top.at("excitations"):
             driven = with_moving_base(model, groups[1])
 

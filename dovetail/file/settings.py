@@ -38,9 +38,11 @@ def read_model_error(fit: StudyTable) -> float:
     return 0.0
 
 
-def read_tolerances(top: StudyTable, model: Model) -> list[SectionTolerance]:
-    """Read ``[form]``: how well sections are known, of all members and of some."""
+def read_tolerances(top: StudyTable, model: Model, *, form: bool) -> list[SectionTolerance]:
+    """Read ``[form]``: how well sections are known, of all members and of some, if their ``form`` varies."""
     t = top.table("form")
+    if t.values and not form:
+        t.refuse("", "[fit] says that sections are as drawn: nothing of them is uncertain")
     parts = t.tables("parts")
     out = [_tolerance(t, model)]
     for part in parts:
@@ -65,7 +67,14 @@ def _tolerance(t: StudyTable, model: Model, members: Sequence[str] = ()) -> Sect
     frame = frame_of(model)
     for name in members or names if size is not None else ():
         with t.at("size"):
-            constants_std(tolerance, frame.members[name].section)
+            std = constants_std(tolerance, frame.members[name].section)
+        key, share = max(std.items(), key=lambda each: each[1])
+        if share > MOST_SHARE:
+            t.refuse(
+                "size",
+                f"{size:g} m makes {key} of member '{name}' uncertain by {100 * share:.0f} %; at most "
+                f"{100 * MOST_SHARE:.0f} % are allowed",
+            )
     return tolerance
 
 

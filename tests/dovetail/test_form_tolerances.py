@@ -57,7 +57,8 @@ def std_of(study, member):
     return {
         n.refs[0][1]: n.std
         for n in varied
-        if n.refs[0][0].startswith("section_form") and forms[n.refs[0][0]].members == (member,)
+        if n.refs[0][0].startswith("section_form")
+        and forms[n.refs[0][0]].members == ((member,) if isinstance(member, str) else member)
     }
 
 
@@ -89,6 +90,21 @@ def test_what_is_stated_counts_and_all_else_is_as_usual(tmp_path):
     assert tube["Iy"] == pytest.approx(0.01, rel=0.2)  # the wall of 1 mm decides
 
 
+def test_what_is_measured_counts_before_what_follows_from_sizes(tmp_path):
+    text = '\n[form]\nmass = 0.002\n\n[[form.parts]]\nmembers = ["tube"]\nsize = 1e-4\n'
+    assert std_of(read(tmp_path, text), "tube")["A"] == 0.002
+
+
+def test_a_part_is_not_known_as_well_as_another_of_its_section(tmp_path):
+    text = '\n[members.other]\nfrom = "a"\nto = [0, 1, 0]\nsection = "flat"\n'
+    usual = read(tmp_path, text)
+    assert {"A": 0.01}.items() <= std_of(usual, ("flat", "other")).items()
+    text += '\n[[form.parts]]\nmembers = ["other"]\nmass = 0.001\n'
+    stated = read(tmp_path, text)
+    assert std_of(stated, "flat")["A"] == 0.01
+    assert std_of(stated, "other")["A"] == 0.001
+
+
 def test_what_is_known_exactly_does_not_vary(tmp_path):
     assert set(std_of(read(tmp_path, "\n[form]\nbending = 0\n"), "flat")) == {"A", "J", "shear"}
 
@@ -99,6 +115,8 @@ def test_what_is_known_exactly_does_not_vary(tmp_path):
         ("[form]\nthickness = 1e-5\n", "form.thickness: unknown key"),
         ("[form]\nmass = 2\n", "mass: 2 is not allowed; a standard deviation up to 0.5"),
         ("[form]\nsize = -1e-5\n", "size: -1e-05 is not allowed"),
+        ("[form]\nsize = 0.02\n", "size: 0.02 m makes .* of member 'flat' uncertain by .* %"),
+        ("[form]\nmass = 0.01\n[fit]\nform = false\n", "form: .fit. says that sections are as drawn"),
         ('[[form.parts]]\nmembers = ["tub"]\nsize = 1e-5\n', "no member 'tub'"),
         ("[[form.parts]]\nsize = 1e-5\n", "members"),
     ],

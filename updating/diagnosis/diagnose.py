@@ -224,8 +224,7 @@ def _concluded(done: Searched[FitProblem], gates: Gates, model_error: float, *, 
     findings, rounds = _findings(done, problem, chain, steps)
     if rivals := _rivals(done, problem, chain[-1], steps[-1].result):
         rounds.append(rivals)
-    told = done.explains or not done.finished
-    if not told:
+    if done.finished and not done.explains:
         findings, steps = [], steps[:2]
     current = steps[-1].result
     of_channels = channel_faults(problem, current) if done.explains else ()

@@ -7,6 +7,7 @@ own: all from the modal basis, so that a candidate costs the same on any mesh.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -108,13 +109,18 @@ class ModeChanges(ResidualChanges):
             here = [terms[n] for n in some]
             try:
                 at, here = self._with_lacking(self.around(tuple(released), here[0]), here)
+                stack = at.with_each(here)
             except (np.linalg.LinAlgError, ValueError):  # no structure
                 continue
-            stack = at.with_each(here)
             stacks.setdefault(stack.size[1:], []).append((some, stack))
         for alike in stacks.values():
             together = ModeStack.joined([stack for _, stack in alike])
-            out[[n for some, _ in alike for n in some]] = self.function.residuals_in(together)
+            try:
+                out[[n for some, _ in alike for n in some]] = self.function.residuals_in(together)
+            except np.linalg.LinAlgError:  # of one of them
+                for some, stack in alike:
+                    with suppress(np.linalg.LinAlgError):
+                        out[some] = self.function.residuals_in(stack)
         return out - self.now
 
     def _restricted(self, term: ReducedTerm) -> ReducedTerm:
