@@ -34,7 +34,7 @@ N_PASSES = 3
 """So often small deviations are fitted again at most, where another size than the next one is best."""
 FLAT = 1e3
 """Standard deviation of an unknown without a prior, for the evidence [-]."""
-RANKED: dict[str, Any] = {"n_lines": QUICK_LINES, "tolerance": QUICK_NATS}
+COMPARED: dict[str, Any] = {"n_lines": QUICK_LINES, "tolerance": QUICK_NATS}
 """Settings of fits that are only compared."""
 Watch = Callable[[FitFunction, float], Report]
 """Gives what is called after each step, for a function of lines up to a frequency [Hz]."""
@@ -108,7 +108,7 @@ def null_fit(problem: Problem[Any], *, n_lines: int = FULL_LINES, counted_as: in
     banded, far = fit(problem, n_lines=QUICK_LINES, counted_as=0), far_fit(problem)
     ways = [banded, problem.with_even_damping(banded), *([far] if far else [])]
     last: dict[str, Any] = {"stages": problem.stages[-1:], "counted_as": counted_as}
-    best = max((fit(problem, x_from=near, **last, **RANKED) for near in ways), key=lambda r: r.log_evidence)
+    best = max((fit(problem, x_from=near, **last, **COMPARED) for near in ways), key=lambda r: r.log_evidence)
     return fit(problem, x_from=best, n_lines=n_lines, **last)
 
 
@@ -121,7 +121,7 @@ def far_fit(problem: Problem[Any]) -> FitResult | None:
         damped_problem = frfs.at(share)
         if damped_problem is not None:
             stages = damped_problem.stages[-1:]
-            near = fit(damped_problem, stages=stages, counted_as=0, x_from=near, **RANKED)
+            near = fit(damped_problem, stages=stages, counted_as=0, x_from=near, **COMPARED)
     return near
 
 
@@ -217,7 +217,7 @@ def fit_given(
         for values, near in starts:
             with suppress(np.linalg.LinAlgError):  # no structure: more mass taken away than there is
                 way: dict[str, Any] = {"stages": problem.stages[-1:], "max_iterations": steps, "x_from": near}
-                tried.append(fit(problem, effects, values, **way, **RANKED))
+                tried.append(fit(problem, effects, values, **way, **COMPARED))
         tried.sort(key=lambda r: -r.log_evidence)
         starts = [([parameter_values(e) for e in r.effects], r) for r in tried[:kept]]
     fits += [refit(problem, near, **how) for _, near in starts if near is not None]
