@@ -30,7 +30,7 @@ def constants_std(tolerance: SectionTolerance, section: Section) -> dict[str, fl
     squares = dict.fromkeys(CONSTANTS, 0.0)
     for key in (key for key in SHAPES[section.shape] if key != "n"):
         value = section.dimensions[key]
-        changed = Section.of_shape(section.shape, **section.dimensions | {key: value * (1 + STEP)})
+        changed = Section.of_shape(section.shape, **{**section.dimensions, key: value * (1 + STEP)})
         for name in CONSTANTS:
             slope = np.log(getattr(changed, name) / getattr(section, name)) / (value * STEP)
             squares[name] += float(slope * tolerance.size) ** 2
