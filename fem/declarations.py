@@ -217,7 +217,7 @@ class SectionTolerance:
 
 
 @dataclass(frozen=True, slots=True)
-class Suspicion:
+class PriorBelief:
     """What is believed of missing effects before a test.
 
     Attributes

@@ -19,11 +19,11 @@ from fem.declarations import (
     Environment,
     Internal,
     Marker,
+    PriorBelief,
     Relevant,
     Role,
     SectionTolerance,
     Site,
-    Suspicion,
     Yardstick,
 )
 from fem.ground import MovingGround
@@ -500,7 +500,7 @@ class Model:
         Situation of the structure, as far as it is stated: which effects it may lack.
     tolerances : tuple of SectionTolerance
         How well sections are known; of two for one member the last counts.
-    suspicion : Suspicion
+    belief : PriorBelief
         How probable it is that something is missing, before any test.
     instruments : Instruments or None
         Sensors and drivers of a test, by which kinds of effect that belong to these are proposed.
@@ -513,7 +513,7 @@ class Model:
     damping: Damping = field(default_factory=Damping)
     environment: frozenset[Environment] = frozenset()
     tolerances: tuple[SectionTolerance, ...] = ()
-    suspicion: Suspicion = field(default_factory=Suspicion)
+    belief: PriorBelief = field(default_factory=PriorBelief)
     instruments: Instruments | None = field(default=None, repr=False)
     ground: MovingGround | None = field(default=None, init=False, repr=False)
 
@@ -589,9 +589,9 @@ class Model:
         """Return how well the section of a member is known; what comes later counts."""
         return tuple(t for t in self.tolerances if not t.members or member in t.members)
 
-    def with_suspicion(self, suspicion: Suspicion) -> "Model":
+    def with_belief(self, belief: PriorBelief) -> "Model":
         """Return a model in which missing effects are believed to be so probable."""
-        return replace(self, suspicion=suspicion)
+        return replace(self, belief=belief)
 
     def with_instruments(self, instruments: Instruments) -> "Model":
         """Return a model on which a test has sensors and drivers."""

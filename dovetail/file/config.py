@@ -387,11 +387,9 @@ class _Reader:
         damping, connection_damping = read_damping(top, self.path.parent, notes)
         flat = () if plane is None else (plane,)
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
-        kinds, exclude, environment, suspicion = read_candidates(top)
+        kinds, exclude, environment, belief = read_candidates(top)
         model = self._model(mesh, (*parts.frame, *more), damping, groups, notes).in_environment(*environment)
-        model = model.with_tolerances(*read_tolerances(top, model, form=model_error > 0)).with_suspicion(
-            suspicion
-        )
+        model = model.with_tolerances(*read_tolerances(top, model, form=model_error > 0)).with_belief(belief)
         with top.at("excitations"):
             driven = with_moving_base(model, groups[1])
 

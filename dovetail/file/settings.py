@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from dovetail.file.table import StudyTable, suggest
-from fem.declarations import Environment, Relevant, SectionTolerance, Suspicion
+from fem.declarations import Environment, PriorBelief, Relevant, SectionTolerance
 from fem.effects import candidate_kinds
 from fem.effects.places import frame_of
 from fem.model import Model
@@ -119,7 +119,7 @@ def read_frequency(top: StudyTable, highest: float | None, notes: list[str]) -> 
 
 def read_candidates(
     top: StudyTable,
-) -> tuple[tuple[str, ...] | None, tuple[str, ...], list[Environment], Suspicion]:
+) -> tuple[tuple[str, ...] | None, tuple[str, ...], list[Environment], PriorBelief]:
     """Read ``[candidates]``: kinds of effects to try, None for all, kinds to exclude, and what is believed.
 
     The last are the environment, and how probable missing effects are.
@@ -142,4 +142,4 @@ def read_candidates(
             t.refuse("environment", f"there is no environment '{word}'; {suggest(word, list(Environment))}")
     if missing is not None and missing >= 1:
         t.refuse("missing", f"{missing:g} is not allowed; a probability between 0 and 1 is needed")
-    return kinds, exclude, [Environment(word) for word in environment], Suspicion(missing, weights)
+    return kinds, exclude, [Environment(word) for word in environment], PriorBelief(missing, weights)

@@ -300,7 +300,8 @@ def test_the_simpler_answer_says_what_is_more_probable_with_more_effects(found):
     d = with_posterior(found, ((other.name, name), 0.64), ((name,), 0.36)).diagnosis
     text = probability_text(d)
     assert "alone: 36\u00a0%" in text
-    label = probable.effect_label(other.kind, other.where)
+    label = probable.label_of(d, [other.name])  # at its most probable position
+    assert label.startswith(other.kind.replace("_", " "))
     assert f"with {label} in addition: 64\u00a0%, too close to decide" in text
     assert probable.reported(d) == 1
     assert "too close to decide" not in probability_text(found.diagnosis)
@@ -324,7 +325,8 @@ def test_an_answer_of_several_effects_is_named_where_it_could_replace_one(found,
     first, second = [e for e in found.diagnosis.candidates if e.name != name][:2]
     pair = with_posterior(found, ((name,), 0.6), ((first.name, second.name), 0.35), (("unknown",), 0.05))
     page = report_html(pair, album)
-    label = " and ".join(words.effect_label(e.kind, e.where) for e in (first, second))
+    label = probable.label_of(pair.diagnosis, [first.name, second.name])
+    assert len(label.split(" and ")) == 2
     assert f"It may be replaced by another answer: {label} (35\u00a0%)." in page
     assert "has no twin" not in page
     assert "alone or with others: 60\u00a0%; alone: 60\u00a0%" in page

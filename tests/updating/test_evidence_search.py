@@ -23,7 +23,7 @@ from updating.diagnosis.evidence import (
 )
 from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
-from updating.forecast import Estimate
+from updating.forecast import EffectEstimate
 from updating.inference import ALONE
 
 
@@ -222,7 +222,7 @@ def test_candidates_beside_what_explains_the_data_share_the_posterior(monkeypatc
         odds=SimpleNamespace(prior=lambda effects: -3.0 * len(effects)),
         ranking=SimpleNamespace(
             estimates=lambda problem, fitted, effects: [
-                Estimate(e, {"mass": 2.0}, {"mass": 0.5}, gains[e.name]) for e in effects
+                EffectEstimate(e, {"mass": 2.0}, {"mass": 0.5}, gains[e.name]) for e in effects
             ],
         ),
     )

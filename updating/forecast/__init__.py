@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from fem.lazy import names_on_use
 
 if TYPE_CHECKING:
-    from updating.forecast.forecast import Estimate, Forecast
+    from updating.forecast.forecast import EffectEstimate, Forecast
     from updating.forecast.grid import Grid, Little
     from updating.forecast.information import ExpectedGains, Information, without
     from updating.forecast.look import Look, candidate_terms, level
@@ -14,7 +14,7 @@ else:
     __getattr__, __dir__ = names_on_use(__name__)
 
 __all__ = [
-    "Estimate",
+    "EffectEstimate",
     "ExpectedGains",
     "Forecast",
     "Grid",

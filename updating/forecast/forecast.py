@@ -43,7 +43,7 @@ Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
+class EffectEstimate:
     """What a fit with a candidate would find, to the first order.
 
     Attributes
@@ -316,13 +316,13 @@ class Forecast:
             int(self.place[i]), float(self.factor[i]), 1 / max(float(self.sharpness[i]), 1e-12)
         )
 
-    def estimated(self, k: int) -> Estimate:
+    def estimated(self, k: int) -> EffectEstimate:
         """Return what a fit with the k-th candidate would find."""
         effect, gain = self.candidates[k], float(self.log_evidence[k])
         if not np.isfinite(self.best_gains[k]):
             values = parameter_values(effect)
-            return Estimate(effect, values, dict.fromkeys(values, np.inf), gain)
-        return Estimate(effect, *self.estimate(self.best_place(k)), gain)
+            return EffectEstimate(effect, values, dict.fromkeys(values, np.inf), gain)
+        return EffectEstimate(effect, *self.estimate(self.best_place(k)), gain)
 
     def std(self, k: int, values: Mapping[str, float]) -> float:
         """Return the standard deviation of the first parameter of the k-th candidate at given values.

@@ -95,7 +95,7 @@ class Odds:
     def of(cls, candidates: Sequence[Effect], model: Model, beforehand: float = 0.0) -> "Odds":
         """Count candidates and their places."""
         where = [place_of(c) for c in candidates]
-        believed = model.suspicion
+        believed = model.belief
         share = {c.kind: admitted(c, model) * believed.weights.get(c.kind, 1.0) for c in candidates}
         n_candidates: dict[str, float] = {}
         for c, (_, name) in zip(candidates, where, strict=True):

@@ -12,7 +12,7 @@ from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.scan import Scan, Scanned
 from updating.diagnosis.evidence.screening import Screened, look_at, looks_at, screen, screen_near
 from updating.diagnosis.evidence.shortlist import MOST_PLACES, rivals, shortlist
-from updating.forecast.forecast import Estimate, Forecast
+from updating.forecast.forecast import EffectEstimate, Forecast
 from updating.forecast.grid import Grid
 from updating.forecast.look import Floats
 from updating.inference.fit_result import FitResult
@@ -99,7 +99,7 @@ class Ranking:
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, bases, grids, far=far)
 
-    def estimates(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> list[Estimate]:
+    def estimates(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> list[EffectEstimate]:
         """Return what fits with one of some effects more would find, of all that have a grid."""
         grids = [g for e in effects if (g := Grid.of(problem, e)).points]
         return likeliest(Forecast.several(problem, current, grids, n_places=MOST_PLACES))
@@ -127,7 +127,7 @@ class Ranking:
         return problem.small_deviations(result, size, self.form_share)
 
 
-def likeliest(forecasts: Sequence[Forecast]) -> list[Estimate]:
+def likeliest(forecasts: Sequence[Forecast]) -> list[EffectEstimate]:
     """Return of each candidate the estimate that makes it the most probable, of forecasts by several looks.
 
     Forecasts that do not see a candidate count only if none does.

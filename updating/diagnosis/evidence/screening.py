@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Start
-from updating.forecast.forecast import Estimate
+from updating.forecast.forecast import EffectEstimate
 from updating.forecast.grid import Grid
 from updating.forecast.look import Look
 from updating.inference.fit_result import FitResult
@@ -38,14 +38,14 @@ class Screened:
     starts : tuple of Start
     gain : float
         By how much the log likelihood of a fit on all lines would rise, at most, as far as all is linear.
-    estimate : Estimate or None
+    estimate : EffectEstimate or None
         What a fit would find, where all is nearly linear.
     """
 
     effect: Effect
     starts: tuple[Start, ...]
     gain: float = np.inf
-    estimate: Estimate | None = None
+    estimate: EffectEstimate | None = None
 
 
 def screen(

@@ -43,7 +43,7 @@ from updating.diagnosis.evidence.places import Place, place_of, places_of
 from updating.diagnosis.evidence.ranking import RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
-from updating.forecast.forecast import Estimate
+from updating.forecast.forecast import EffectEstimate
 from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
 from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit import FitProblem
@@ -330,7 +330,7 @@ class Search(Generic[P]):
             rest = self.compatible_with(base.effects)
             self._promise(base, self.fits.ranking.estimates(self.fits.free(base), base.fitted, rest))
 
-    def _promise(self, base: Hypothesis, estimates: Iterable[Estimate]) -> None:
+    def _promise(self, base: Hypothesis, estimates: Iterable[EffectEstimate]) -> None:
         """Keep what hypotheses with one effect more are worth."""
         self._extended.add(base.key)
         for e in estimates:

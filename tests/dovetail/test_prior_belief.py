@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail import StudyError, load_study
-from fem.declarations import Suspicion
+from fem.declarations import PriorBelief
 from tests.dovetail.test_form_tolerances import STUDY
 from updating import propose
 from updating.diagnosis.evidence import Odds
@@ -43,7 +43,7 @@ def test_further_changes_are_as_improbable_as_ever(tmp_path):
 
 def test_kinds_with_a_weight_take_from_others_at_their_place(tmp_path):
     model = read(tmp_path, "[candidates.weights]\npoint_mass = 4\n")
-    assert model.suspicion == Suspicion(None, {"point_mass": 4.0})
+    assert model.belief == PriorBelief(None, {"point_mass": 4.0})
     candidates, share = share_of_one_more(model)
     assert share.sum() == pytest.approx(0.1)
     by_kind = {e.kind: p for e, p in zip(candidates, share, strict=True)}
