@@ -44,10 +44,8 @@ def run(options: Options, progress: Progress) -> Answer:
         candidates = rounds.lines(found, options.number)
         fields |= result.modes_dict(modes)
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *diagnosis_lines(found, modes)]
-    if beyond:
-        lines += ["", planning.EXCLUDED, planning.table_of_excluded(beyond)]
-        if planning.hidden(beyond):
-            lines += ["", planning.HIDDEN, planning.table_of_hidden(beyond)]
+    for heading, table in planning.tables_of_excluded(beyond) if beyond else ():
+        lines += ["", heading, table]
     return Answer(
         study,
         [*lines, *candidates, *noted(found.notes, study.measured_notes)],

@@ -1,4 +1,4 @@
-"""Read the settings of analyses: the tables ``[fit]``, ``[frequency]`` and ``[candidates]``."""
+"""Read the settings of analyses: ``[fit]``, ``[form]``, ``[relevant]``, ``[frequency]``, ``[candidates]``."""
 
 from collections.abc import Sequence
 from dataclasses import fields
@@ -44,9 +44,7 @@ def read_tolerances(top: StudyTable, model: Model, *, form: bool) -> list[Sectio
     if t.values and not form:
         t.refuse("", "[fit] says that sections are as drawn: nothing of them is uncertain")
     parts = t.tables("parts")
-    out = [_tolerance(t, model)]
-    for part in parts:
-        out.append(_tolerance(part, model, part.texts("members")))
+    out = [_tolerance(t, model), *(_tolerance(part, model, part.texts("members")) for part in parts)]
     return [tolerance for tolerance in out if tolerance.size is not None or tolerance.shares]
 
 
@@ -57,12 +55,13 @@ def _tolerance(t: StudyTable, model: Model, members: Sequence[str] = ()) -> Sect
         if name not in names:
             t.refuse("members", f"there is no member '{name}'; {suggest(name, names)}")
     size = t.number("size", None, least=0.0, unit="m")
-    shares = {key: t.number(word, None, least=0.0, unit="-") for word, keys in SHARES.items() for key in keys}
+    stated: dict[str, float] = {}
     for word, keys in SHARES.items():
-        if (share := shares[keys[0]]) is not None and share > MOST_SHARE:
+        share = t.number(word, None, least=0.0, unit="-")
+        if share is not None and share > MOST_SHARE:
             t.refuse(word, f"{share:g} is not allowed; a standard deviation up to {MOST_SHARE:g} is [-]")
+        stated |= {} if share is None else dict.fromkeys(keys, share)
     t.finish()
-    stated = {key: share for key, share in shares.items() if share is not None}
     tolerance = SectionTolerance(tuple(members), size, stated)
     frame = frame_of(model)
     for name in members or names if size is not None else ():

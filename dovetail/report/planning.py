@@ -92,14 +92,17 @@ def table_of_excluded(plan: Plan) -> Table:
     )
 
 
-def hidden(plan: Plan) -> dict[str, list[tuple[ParameterRef, Effect | None]]]:
-    """Return by the names of kinds what hides them, as of :meth:`Plan.hidden`, where anything does."""
-    return {name: by for name, some in named_kinds(plan) if (by := plan.hidden(some))}
+def tables_of_excluded(plan: Plan) -> list[tuple[str, Table]]:
+    """Return what data exclude, and what hides smaller effects where anything does, with their headings."""
+    hidden = _table_of_hidden(plan)
+    return [(EXCLUDED, table_of_excluded(plan)), *([] if hidden is None else [(HIDDEN, hidden)])]
 
 
-def table_of_hidden(plan: Plan) -> Table:
-    """Return for each kind which uncertain parameters hide it most, where it is seen best."""
-    by_kind = hidden(plan)
+def _table_of_hidden(plan: Plan) -> Table | None:
+    """Return for each kind which uncertain parameters hide it most, where it is seen best; None if none."""
+    by_kind = {name: by for name, some in named_kinds(plan) if (by := plan.hidden(some))}
+    if not by_kind:
+        return None
     known = [[size_text(e) for _, e in by[-1:] if e is not None] for by in by_kind.values()]
     return Table.of(
         "hidden",

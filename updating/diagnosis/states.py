@@ -259,7 +259,7 @@ def change_since(
     (done, base), *others = ways
     done = replace(done, finished=all(way.finished for way, _ in ways))
     done = replace(done, otherwise=tuple(other for other, _ in others))
-    out = concluded(done.answered() if done.finished else done)
+    out = concluded(done.answered())
     return replace(out, notes=(*_notes_on(baseline, base), *out.notes), baseline=base, judged=baseline)
 
 

@@ -213,21 +213,21 @@ class Forecast:
         """Write what changes (n, m) of the residuals by effects that replace some parameters do."""
         look, m = self.look, len(self.look.share)
         every = list(dict.fromkeys(replaced))
-        which = {refs: k for k, refs in enumerate(every)}
-        now = look.adapted_each(np.tile(look.now, (len(every), 1)), every, look.off)
-        now = now[[which[refs] for refs in replaced]]
+        which = [every.index(refs) for refs in replaced]
+        each = look.adapted_each(np.tile(look.now, (len(every), 1)), every, look.off)
+        now, y = each[which], look.whitened(each)[which]
         moved = look.adapted_each(change, replaced)
         a = self.factor[rows] = look.best_multiples(now, moved, most, one_sided)
         seen = look.sees(most[:, None] * moved, look.resolution)
         parts = look.parts(now + a[:, None] * moved)
         self.cost[rows] = np.where(seen, look.cost_of(*parts), np.inf)
-        self.evidence[rows] = look.log_evidence(*parts) - look.log_evidence(*look.parts(now))
+        self.evidence[rows] = look.log_evidence(*parts) - look.log_evidence(*look.parts(each))[which]
         self.sharpness[rows] = look.sharpness(moved, parts[0])
         # A model without the effect varies the parameter that the effect replaces, within its prior.
         beyond = look.adapted(change) if any(replaced) else moved
         of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
         self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
-        v, y = look.whitened(moved), look.whitened(now)
+        v = look.whitened(moved)
         square = (v**2).sum(axis=1)
         self.precision[rows] = np.sqrt(square)
         taken = -a * (2 * (v * y).sum(axis=1) + a * square)

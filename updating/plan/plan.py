@@ -206,8 +206,8 @@ def plan_from_search(
     """
     search, best = searched.search, searched.best
     measured = search.fits.problem
-    scatter = search.fits.ranking.scatter(measured, best.fitted)
-    problem = measured if scatter is None else replace(measured, scatter=with_likely_shifts(scatter))
+    scatter = with_likely_shifts(search.fits.ranking.scatter(measured, best.fitted))
+    problem = replace(measured, scatter=scatter)
     candidates = [c for c in search.compatible_with(best.effects) if not c.amplitude_dependent]
     say = progress or (lambda text, done: None)
     seen = visibility(problem, best.fitted, candidates, search.fits.odds, None, say)

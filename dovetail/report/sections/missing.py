@@ -184,8 +184,5 @@ def _excluded(result: RunResult[Verdict], shown: Shown) -> list[Block]:
         tools=choice("effect", [name for name, _ in planning.named_kinds(result.excluded)]),
         hint=TURN,
     )
-    blocks: list[Block] = [Text(planning.EXCLUDED)]
-    blocks.append(TableBlock(*planning.table_of_excluded(result.excluded).texts()))
-    if planning.hidden(result.excluded):
-        blocks += [Text(planning.HIDDEN), TableBlock(*planning.table_of_hidden(result.excluded).texts())]
-    return [*blocks, figure]
+    tables = planning.tables_of_excluded(result.excluded)
+    return [*(b for text, table in tables for b in (Text(text), TableBlock(*table.texts()))), figure]

@@ -111,7 +111,7 @@ class Searched(Generic[P]):
         """
         some = [h.score for h in self.weighed if h.effects]
         with_effects = [h for h in self.search.known.values() if h.effects]
-        if self.best.effects or not with_effects or not self.explains:
+        if not self.finished or self.best.effects or not with_effects or not self.explains:
             return self
         if np.logaddexp.reduce(some) <= self.best.score + TWIN_NATS:
             return self
@@ -284,7 +284,7 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
         best, *others = sorted(ways, key=lambda way: -way.search.best.score)
         best = replace(best, best=best.search.best, finished=False)
     best = replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
-    return best.answered() if best.finished else best
+    return best.answered()
 
 
 def search_promised(done: Searched[P]) -> Searched[P]:
