@@ -1,5 +1,6 @@
 """The desk's server: on this machine only, with a token in the address."""
 
+import logging
 import secrets
 import socket
 import time
@@ -52,6 +53,11 @@ def wait_for(port: int) -> None:
         time.sleep(0.05)
 
 
+def _tells(record: logging.LogRecord) -> bool:
+    """Return False for the complaint, at the end, that tasks took seconds to end: they did end."""
+    return not ("cancel %s tasks" in str(record.msg) and record.getMessage().rstrip().endswith(":"))
+
+
 def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bool = True) -> None:
     """Show the desk until it is interrupted.
 
@@ -88,6 +94,7 @@ def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bo
         if browser:
             webbrowser.open(address)
 
+    logging.getLogger("nicegui").addFilter(_tells)
     # The server listens only after what is done at its start.
     app.on_startup(Thread(target=when_it_answers, daemon=True).start)
     # a browser that draws in software may take seconds before it connects, and would have to load again
