@@ -377,18 +377,21 @@ class Forecast:
         look = self.look
         m, full_band = len(look.share), look.residuals.full_band
         out, effective = np.full((len(rows), self.squares.shape[1]), np.nan), np.full(len(rows), np.nan)
+        some: list[int] = []
+        changes: list[Complexes] = []
         for k in np.unique(self.owner[rows]):
             little = self.littles[k]
             every, places = np.flatnonzero(self.owner[rows] == k).tolist(), self.place[rows].tolist()
             each = [(n, places[n], little.side(places[n], float(multiples[n]))) for n in every]
             each = [(n, at, a) for n, at, a in each if np.isfinite(a)]
-            if not each:
-                continue
-            beat()
-            change = look.changes_at(little, [(at, a) for _, at, a in each])[:, full_band]
+            if each:
+                beat()
+                changes.append(look.changes_at(little, [(at, a) for _, at, a in each])[:, full_band])
+                some += [n for n, *_ in each]
+        if some:
+            change = np.concatenate(changes)
             beyond = look.adapted(change)
             of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
-            some = [n for n, *_ in each]
             out[some] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
             effective[some] = _multiples(change[:, self._sampled], self.samples[rows[some]])
         return out, effective

@@ -174,11 +174,7 @@ def perturbed(
     """
     say = progress or (lambda text, done: None)
     discrepancy = plan.visibility.discrepancy
-    slight = [
-        (o.visible.slight, next(v.slight for v in plan.visibility.effects if _is_at(v.effect, rival)))
-        for o, rival in pairs
-    ]
-    effects = [e for pair in slight for e in pair]
+    effects = [e for o, rival in pairs for e in (o.visible.slight, plan.visibility.slight(rival))]
     factors = [f for o, _ in pairs for f in (o.visible.amplitude(o.relevant), 1.0)]
 
     def look_at(problem: FitProblem, base: FitResult) -> Look:
@@ -205,12 +201,6 @@ def perturbed(
             if np.isfinite(gain) and (last is None or gain / enough > last.ratio):
                 best[k] = Separation(o.relevant, rival, change.text, (before[k][1], alike), gain / enough)
     return [each for each in best if each is not None]
-
-
-def _is_at(effect: Effect, other: Effect) -> bool:
-    """Whether two are one effect at one position, of whatever size."""
-    one, two = ([float(p.value) for p in e.parameters()[1:]] for e in (effect, other))
-    return effect.name == other.name and np.allclose(one, two)
 
 
 def _separation(information: Floats, known: Floats, pair: int) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """What a test could see and name of the effects that matter to its user."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -226,26 +226,34 @@ def with_averages(plan: Plan, now: int, more: int, progress: Progress | None = N
         Called with a text and the fraction done.
     """
     seen = plan.visibility
-    candidates = list({x.effect.name: x.little.grid.effect for x in seen.effects}.values())
     say = progress or (lambda text, done: None)
     again = visibility(
-        seen.problem, seen.base, candidates, seen.odds, seen.discrepancy, say, averaged=now / (now + more)
+        seen.problem,
+        seen.base,
+        seen.forecast.candidates,
+        seen.odds,
+        seen.discrepancy,
+        say,
+        averaged=now / (now + more),
     )
     return _plan(again, plan.model, plan.measurement, plan.sizes)
 
 
 def _plan(seen: Visibility, model: Model, measurement: Measurement | None, sizes: Relevant) -> Plan:
-    mass = members_mass(model)
-    found = [_outlook(x, sizes, mass, seen.problem.surroundings) for x in seen.effects]
-    return Plan(seen, model, measurement, sizes, tuple(o for o in found if o is not None))
+    mass, scale, forecast = members_mass(model), seen.problem.surroundings, seen.forecast
+    stated = {}
+    for i in range(len(forecast.owner)):
+        effect = forecast.effect_at(i, 0.0)
+        value = None if len(near_to(effect)) > 1 else effect.relevant(sizes, mass, scale)
+        if value is not None:
+            stated[i] = value
+    # Sizes of the others, which are rivals of these, are solved for where they are asked for.
+    some = seen.at(np.array(list(stated), dtype=np.int64))
+    found = tuple(_outlook(x, value) for x, value in zip(some, stated.values(), strict=True))
+    return Plan(seen, model, measurement, sizes, found)
 
 
-def _outlook(
-    x: Visible, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-) -> Outlook | None:
-    value = x.effect.relevant(sizes, mass, scale)
-    if value is None or len(near_to(x.effect)) > 1:
-        return None
+def _outlook(x: Visible, value: float) -> Outlook:
     relevant = sized(x.effect, value)
     amplitude = x.amplitude(relevant)
     seen, located, named = (amplitude >= each for each in x.enough)

@@ -8,6 +8,7 @@ both.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from fem.model import Effect, ParameterRef, covers
+from fem.model import Effect, ParameterRef, covers, parameter_values
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Little, distance
@@ -47,6 +48,8 @@ LEAST_GAIN = 1e-3
 """Gains below this are none [nats]."""
 N_AT_ONCE = 500
 """So many effects are compared with all others at a time."""
+SOLVED_TOGETHER = 32
+"""Sizes of so many candidates are solved for at a time."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -86,7 +89,7 @@ class Visible:
         Gains in log likelihood that are expected of the first and the last of these, over nothing and over
         the last rival.
     rival : Effect
-        That, of the size at which it is seen: it imitates the effect best.
+        That, of about the size at which it is seen: it imitates the effect best.
     alike : float
         Cosine of the angle between what both do [-].
     """
@@ -168,7 +171,7 @@ def size_of(effect: Effect) -> float:
     return abs(distance(p, float(p.value)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Visibility:
     """What a test could see and name.
 
@@ -178,25 +181,66 @@ class Visibility:
     base : FitResult
         The model without the effects.
     odds : Odds
-    effects : tuple of Visible
-        Each candidate at each of its positions.
     discrepancy : float or None
         Level that a right model will leave, besides noise; None for data whose residuals show it [nepers].
-    look : Look
-        At the model.
+    averaged : float
+        Averages so far over those that there will be [-].
+    forecast : Forecast
+        What a little of each candidate does at each of its positions.
+    against : ndarray (n,)
+        Log odds against each beforehand.
     """
 
     problem: Any
     base: FitResult
     odds: Odds
-    effects: tuple[Visible, ...]
     discrepancy: float | None
-    look: Look[Any, Any]
+    averaged: float
+    forecast: Forecast
+    against: Floats
+
+    @cached_property
+    def effects(self) -> tuple[Visible, ...]:
+        """Each candidate at each of its positions."""
+        return self.at(np.arange(len(self.against)))
+
+    def at(self, rows: Ints) -> tuple[Visible, ...]:
+        """Return some candidates at positions, by their numbers; all are their rivals."""
+        forecast, against = self.forecast, self.against
+        owner, littles, wanted = forecast.owner, forecast.littles, needed(against)
+        seen = amplitudes_as_solved(forecast, wanted, self.discrepancy, self.averaged, rows)
+        most = np.concatenate([little.most for little in littles])
+        slight = np.clip(least_amplitudes(forecast, wanted, self.discrepancy, self.averaged), 1.0, most)
+        located, named, rival, alike = self._rivals.separation_amplitudes(rows, seen, wanted[rows])
+        over_rival = np.where(named > (1 + 1e-6) * seen, needed(against[rows] - against[rival]), wanted[rows])
+        return tuple(
+            Visible(
+                little=littles[owner[i]],
+                position=int(forecast.place[i]),
+                enough=(seen[n], located[n], named[n]),
+                nats=(wanted[i], over_rival[n]),
+                rival=forecast.effect_at(j, slight[j]),
+                alike=float(alike[n]),
+            )
+            for n, (i, j) in enumerate(zip(rows.tolist(), rival.tolist(), strict=True))
+        )
+
+    def slight(self, effect: Effect) -> Effect:
+        """Return a little of an effect at one of its positions, of whatever size it is given."""
+        little = next(o for o in self.forecast.littles if o.grid.effect.name == effect.name)
+        names = [p.name for p in effect.parameters()[1:]]
+        there = parameter_values(effect)
+        off = [sum(abs(there[name] - point[name]) for name in names) for point in little.points]
+        return effect.with_values(**little.points[int(np.argmin(off))])
+
+    @cached_property
+    def _rivals(self) -> "Rivals":
+        return Rivals.of(self.forecast, self.against)
 
     def hidden_by(self, x: Visible) -> list[tuple[ParameterRef, float]]:
         """Return the uncertain parameters that hide most of an effect, as of :meth:`Look.hidden_by`."""
-        change = self.look.small_changes(x.little)[x.position, self.look.residuals.full_band]
-        return self.look.hidden_by(change)
+        look = self.forecast.look
+        return look.hidden_by(look.small_changes(x.little)[x.position, look.residuals.full_band])
 
 
 def visibility(
@@ -238,32 +282,10 @@ def visibility(
         vectors=True,
         say=lambda done: say("what a little of each effect does", 0.7 * done),
     )
-    owner, littles = forecast.owner, forecast.littles
-    n_places = np.bincount(owner, minlength=len(candidates))
+    n_places = np.bincount(forecast.owner, minlength=len(candidates))
     each = [odds_against(problem, e, odds, int(n)) for e, n in zip(candidates, n_places, strict=True)]
-    against = np.array(each)[owner]
-    enough = needed(against)
     say("what is alike", 0.8)
-    seen = amplitudes_as_solved(forecast, enough, discrepancy, averaged)
-    rivals = Rivals.of(forecast, against)
-    located, named, rival, alike = rivals.separation_amplitudes(seen, enough)
-    over_rival = np.where(named > (1 + 1e-6) * seen, needed(against - against[rival]), enough)
-    found = []
-    for i, o in enumerate(owner.tolist()):
-        j = int(rival[i])
-        found.append(
-            Visible(
-                little=littles[o],
-                position=int(forecast.place[i]),
-                enough=(seen[i], located[i], named[i]),
-                nats=(enough[i], over_rival[i]),
-                rival=forecast.effect_at(
-                    j, float(np.clip(seen[j], 1.0, littles[owner[j]].most[forecast.place[j]]))
-                ),
-                alike=float(alike[i]),
-            )
-        )
-    return Visibility(problem, base, odds, tuple(found), discrepancy, forecast.look)
+    return Visibility(problem, base, odds, discrepancy, averaged, forecast, np.array(each)[forecast.owner])
 
 
 def odds_against(problem: Problem[Any], effect: Effect, odds: Odds, n_positions: int) -> float:
@@ -309,18 +331,34 @@ def least_amplitudes(
 
 
 def amplitudes_as_solved(
-    forecast: Forecast, wanted: Floats, discrepancy: float | None, averaged: float = 1.0
+    forecast: Forecast,
+    wanted: Floats,
+    discrepancy: float | None,
+    averaged: float = 1.0,
+    rows: Ints | None = None,
 ) -> Floats:
     """Return :func:`least_amplitudes` by gains of sizes as they are, rather than of multiples of a change.
 
     A spring far stiffer than what it acts on holds it, and stiffer ones do no more; a loss of nearly all
-    stiffness does more. A size that the parameters cannot have is not solved for.
+    stiffness does more. A size that the parameters cannot have is not solved for. Of all places, or of those
+    in ``rows``.
     """
-    expected, squares = _expected(forecast, discrepancy, averaged), forecast.squares
+    rows = np.arange(len(wanted)) if rows is None else rows
+    expected, out = _expected(forecast, discrepancy, averaged), np.empty(len(rows))
+    # The sizes of few candidates after those of others: what is known of a place serves all of them.
+    owners = np.unique(forecast.owner[rows])
+    for first in range(0, len(owners), SOLVED_TOGETHER):
+        some = np.isin(forecast.owner[rows], owners[first : first + SOLVED_TOGETHER])
+        out[some] = _as_solved(forecast, expected, rows[some], wanted[rows[some]])
+    return out
+
+
+def _as_solved(forecast: Forecast, expected: ExpectedGains, which: Ints, wanted: Floats) -> Floats:
+    squares = forecast.squares[which]
     least = expected.multiples(squares[:, :-1], squares[:, -1], wanted)
 
     def gains(rows: Ints, size: Floats) -> Floats:
-        solved, effective = forecast.squares_at(rows, size)
+        solved, effective = forecast.squares_at(which[rows], size)
         return np.maximum(_gains(expected, squares[rows], solved, effective), LEAST_GAIN)
 
     low = least.copy()
@@ -433,7 +471,9 @@ class Rivals:
         column = np.concatenate([np.arange(len(owner)), followed])
         return cls(lengths, units, owner, column, both, against, unlike, apart)
 
-    def separation_amplitudes(self, seen: Floats, enough: Floats) -> tuple[Floats, Floats, Ints, Floats]:
+    def separation_amplitudes(
+        self, which: Ints, seen: Floats, enough: Floats
+    ) -> tuple[Floats, Floats, Ints, Floats]:
         """Return the least amplitudes that separate effects from their rivals at their best, (n,) each.
 
         From all at other places, and from all; then of the last rival its number and the cosine of the angle
@@ -441,24 +481,27 @@ class Rivals:
 
         Parameters
         ----------
+        which : ndarray of int (n,)
+            Numbers of the effects.
         seen, enough : ndarray (n,)
-            Amplitudes at which effects are seen, and gains there [nats].
+            Amplitudes at which they are seen, and gains there [nats].
         """
-        n, owner = len(self.owner), self.owner[self.column]
+        n, owner, last_row = len(which), self.owner[self.column], len(self.owner) - 1
         elsewhere, anywhere, rival, alike = np.zeros(n), np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros(n)
         for first in range(0, n, N_AT_ONCE):
             beat()
-            rows = np.arange(first, min(first + N_AT_ONCE, n))
+            here = slice(first, first + N_AT_ONCE)
+            rows = which[here]
             cosine = self.cosines(rows)
             like, apart = (m[self.owner[rows]][:, owner] for m in (~self.unlike, self.apart))
-            least = np.where(like, self._least(seen[rows], enough[rows], rows, cosine), 0.0)
-            elsewhere[rows] = np.maximum(np.where(apart, least, 0.0).max(axis=1), seen[rows])
-            anywhere[rows] = np.maximum(least.max(axis=1), seen[rows])
+            least = np.where(like, self._least(seen[here], enough[here], rows, cosine), 0.0)
+            elsewhere[here] = np.maximum(np.where(apart, least, 0.0).max(axis=1), seen[here])
+            anywhere[here] = np.maximum(least.max(axis=1), seen[here])
             last = least.argmax(axis=1)
             each, k = np.arange(len(rows)), self.column[last]
-            farther = np.abs(cosine[each, np.minimum(k + 1, n - 1)]) > np.abs(cosine[each, k])
-            rival[rows] = k + (farther & (last >= n))
-            alike[rows] = np.abs(cosine[each, last])
+            farther = np.abs(cosine[each, np.minimum(k + 1, last_row)]) > np.abs(cosine[each, k])
+            rival[here] = k + (farther & (last > last_row))
+            alike[here] = np.abs(cosine[each, last])
         return elsewhere, anywhere, rival, alike
 
     def cosines(self, rows: Ints) -> Floats:
