@@ -15,7 +15,7 @@ from fem.elements.inner_place import InnerPlace, inner_place
 from fem.model import Contribution, Effect, Model, ParameterRef, dofs_of
 from fem.recent import Unsent
 
-_CHANGES = 32
+_CHANGES = 64
 """Number of changes of elements that an effect keeps."""
 
 
@@ -34,7 +34,8 @@ class GivesWay(OnMember):
     compliance : float
         [rad/(N·m)].
     elements : Unsent
-        Changes of the element by other effects; effects with other values share them.
+        Its last contributions, and changes of the element by other effects; effects with other values share
+        them.
     """
 
     gives_way: ClassVar[bool] = True
@@ -51,13 +52,20 @@ class GivesWay(OnMember):
         return model.mesh.locate(self.member, float(np.real(self.place(model)))).line
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return the stiffness that one element loses, and its mass that follows the kink."""
+        """Return the stiffness that one element loses, and its mass that follows the kink.
+
+        Those in series with it ask for it as well.
+        """
+        out: tuple[Contribution, ...] = self.elements.get((self, model), lambda: (self._cut(model),))
+        return out
+
+    def _cut(self, model: Model) -> Contribution:
         line, frame = self.line(model), sheared_frame(model)
         changes = [c for e in self._altering_effects(model, line) for c in self._on_line(e, model, line)]
         if pull := frame.members[self.member].pretension:
             row = int(np.flatnonzero(model.mesh.members[self.member] == line)[0])
             changes.append(frame.geometric_stiffness(model, self.member, pull).element(row))
-        return (cut(frame, model, self.member, self.place(model), self.direction, self.compliance, changes),)
+        return cut(frame, model, self.member, self.place(model), self.direction, self.compliance, changes)
 
     def _on_line(self, effect: Effect, model: Model, line: int) -> tuple[Contribution, ...]:
         """Return what another effect changes of the element."""

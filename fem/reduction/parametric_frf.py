@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from fem.analysis.referred import References
 from fem.model import Effect, Model, Parameter, ParameterRef
+from fem.recent import Unsent
 from fem.reduction.frf_slopes import FrfSlopes
 from fem.reduction.modal_solution import ModalSolution, lines_first, range_of, times
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.scaling import scale_factors
 from fem.reduction.series import with_series
-from fem.reduction.terms import ReducedTerm, combined
+from fem.reduction.terms import STEP, ReducedTerm, combined
 
 _Array = NDArray[np.complex128]
 _Forces = dict[int, NDArray[np.complex128]]
@@ -169,6 +170,8 @@ class ParametricFRF:
         self._last: tuple[bytes, ModalSolution, _Array, dict[str, Any], list[ReducedTerm], _Array] | None
         self._last = None
         self._anchor: tuple[NDArray[np.float64], dict[str, Any], list[ReducedTerm]] | None = None
+        # Matrices and their slopes are asked for at the same values, one after the other.
+        self._followed = Unsent(1)
 
     def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[ReducedTerm]]]:
         """Return the rows, nominal values and slopes of linear parameters, those at one place together.
@@ -257,16 +260,28 @@ class ParametricFRF:
 
     def _following(self, values: NDArray[np.float64]) -> list[tuple[Effect, Model, list[int], list[int]]]:
         """Return the effects of ``_nonlinear``, and the models that they refer to, at some values."""
-        foreign = {i for _, _, others in self._nonlinear for i in others}
-        at = {self.refs[i]: float(values[i]) for i in foreign}
-        model = series = self.reduced.model
+        out: list[tuple[Effect, Model, list[int], list[int]]]
+        out = self._followed.get(values.tobytes(), lambda: self._followed_at(values))
+        return out
+
+    def _followed_at(
+        self, values: NDArray[np.float64]
+    ) -> list[tuple[Effect, Model, list[int], list[int]]]:
+        every = {i for _, rows, others in self._nonlinear for i in (*rows, *others)}
+        at = {self.refs[i]: float(values[i]) for i in every}
+
+        def there(model: Model) -> Model:
+            names = {e.name for e in model.effects}
+            known = {ref: value for ref, value in at.items() if ref[0] in names}
+            return model.with_values(known) if known else model
+
+        model = series = there(self.reduced.model)
         if any(effect.gives_way for effect, _, _ in self._nonlinear):
-            series = self._series.with_values(at)
-        names = {e.name for e in model.effects}
-        if of_model := {ref: value for ref, value in at.items() if ref[0] in names}:
-            model = model.with_values(of_model)
+            series = there(self._series)
+        # What a model has already is asked for by those in series with it.
+        known = {e.name: e for e in series.effects}
         return [
-            (self._now(e, rows, values), series if e.gives_way else model, rows, others)
+            (known.get(e.name) or self._now(e, rows, values), series if e.gives_way else model, rows, others)
             for e, rows, others in self._nonlinear
         ]
 
@@ -372,13 +387,16 @@ class ParametricFRF:
             for i, _, exponents in scaled.foreign:
                 by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
                 slopes.append((i, term.scaled(by)))
+        stepped: dict[tuple[int, int], Model] = {}
         for now, model, rows, others in self._following(values):
             for i in rows:
                 term = self.reduced.derivative_of(now, self.refs[i][1], float(values[i]), model)
                 slopes.append((i, self.restrict(term)))
             for i in others:
-                term = self.reduced.foreign_derivative_of(now, self.refs[i], float(values[i]), model)
-                slopes.append((i, self.restrict(term)))
+                # effects in series share what one of them is in the model with this step
+                if (id(model), i) not in stepped:
+                    stepped[id(model), i] = model.with_values({self.refs[i]: float(values[i]) + 1j * STEP})
+                slopes.append((i, self.restrict(self.reduced.slope_in(now, stepped[id(model), i]))))
         return slopes
 
     def _now(self, effect: Effect, rows: Sequence[int], values: NDArray[np.float64]) -> Effect:

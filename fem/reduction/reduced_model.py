@@ -458,11 +458,9 @@ class ReducedModel:
         step = {parameter: value + 1j * STEP}
         return self._of(effect, model.parts_of(effect.with_values(**step)), True)
 
-    def foreign_derivative_of(
-        self, effect: Effect, ref: ParameterRef, value: float, model: Model
-    ) -> ReducedTerm:
-        """Project an effect's derivative with respect to a parameter of an effect that it refers to."""
-        return self._of(effect, model.with_values({ref: value + 1j * STEP}).parts_of(effect), True)
+    def slope_in(self, effect: Effect, stepped: Model) -> ReducedTerm:
+        """Project an effect's derivative by a parameter that has a complex step in a model."""
+        return self._of(effect, stepped.parts_of(effect), True)
 
     def scaling_of(self, effect: Effect, ref: ParameterRef) -> Mapping[str, int] | None:
         """Return which of an effect's matrices are proportional to a foreign parameter (computed once).

@@ -48,6 +48,7 @@ from fem.effects import (
     ZoneForm,
 )
 from fem.effects.solid_corner import _Zone
+from fem.elements.cut import cut
 from fem.reduction import LocalChanges, ParametricFRF, reduce_model
 from fem.sensitivity.matrices import differentiate_matrices
 from tests.frames import fix
@@ -568,3 +569,15 @@ def test_the_derivatives_of_a_model_are_those_of_all_that_is_in_series():
             rough = (a - b) / (2 * step)
             rounding = 1e-15 * abs(a).max() / step
             assert abs(X.toarray() - rough).max() <= 1e-5 * abs(rough).max() + rounding, ref
+
+
+def test_what_gives_way_in_series_is_cut_once_for_a_model(monkeypatch):
+    """Each is in series with those before it, which are not computed again for each one behind them."""
+    soft = [
+        EndRelease(name=d, member="beam", end=1, direction=d, compliance=1e-4, reference=1e-4)
+        for d in ("rx", "ry", "rz")
+    ]
+    model, cuts = corner({}, n=1).with_effect(*soft), []
+    monkeypatch.setattr("fem.effects.giving_way.cut", lambda *args: cuts.append(args) or cut(*args))
+    model.contributions()
+    assert len(cuts) == len(soft)
