@@ -264,9 +264,7 @@ class ParametricFRF:
         out = self._followed.get(values.tobytes(), lambda: self._followed_at(values))
         return out
 
-    def _followed_at(
-        self, values: NDArray[np.float64]
-    ) -> list[tuple[Effect, Model, list[int], list[int]]]:
+    def _followed_at(self, values: NDArray[np.float64]) -> list[tuple[Effect, Model, list[int], list[int]]]:
         every = {i for _, rows, others in self._nonlinear for i in (*rows, *others)}
         at = {self.refs[i]: float(values[i]) for i in every}
 

@@ -21,7 +21,6 @@ from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Little, distance
 from updating.forecast.information import ExpectedGains, Information
-from updating.forecast.look import Look
 from updating.inference.effect_priors import log_occam_factor
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST

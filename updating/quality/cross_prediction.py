@@ -194,9 +194,7 @@ class CrossPrediction:
         column = self.inverse[:, :, :, sensor]
         alpha = self._alpha - column * (self._alpha[:, :, sensor] / column[:, :, sensor])[:, :, None]
         alpha[:, :, sensor] = 0
-        q = (alpha @ self.rows).transpose(0, 2, 1) * self._scale[:, None, :]
-        q = self.field.mean + q * self._weight[:, :, None]
-        return np.moveaxis(rows @ q, 1, 0)
+        return np.moveaxis(self._motion(rows, alpha, self._read_with(rows)), 1, 0)
 
     def everywhere(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
         """Predict motions ``rows`` (k, r) of modal coordinates from all sensors.
@@ -206,13 +204,22 @@ class CrossPrediction:
         motion : ndarray (n_lines, k, n_in)
         variance : ndarray (n_lines, k, n_in)
         """
-        q = (self._alpha @ self.rows).transpose(0, 2, 1) * self._scale[:, None, :]
-        motion = rows @ (self.field.mean + q * self._weight[:, :, None])
-        weighted = (rows * self._weight[:, None, :])[:, None] * self._scale[:, :, None, None]
-        cross = weighted @ self.rows.T
-        known = np.einsum("likp,lipq,likq->lik", cross, self.inverse, cross, optimize=True)
-        variance = np.einsum("likr,kr->lik", weighted, rows) - known
-        return motion, np.maximum(variance, 0.0).transpose(0, 2, 1)
+        cross = self._read_with(rows)
+        # of one excitation, up to its factor
+        known = ((cross[:, None] @ self.inverse) * cross[:, None]).sum(axis=-1) * self._scale[:, :, None]
+        variance = ((self._weight @ (rows**2).T)[:, None] - known) * self._scale[:, :, None]
+        return self._motion(rows, self._alpha, cross), np.maximum(variance, 0.0).transpose(0, 2, 1)
+
+    def _read_with(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the covariances of motions and readings, (n_lines, k, n_out), but for excitations' factors."""
+        return (rows * self._weight[:, None, :]) @ self.rows.T
+
+    def _motion(
+        self, rows: NDArray[np.float64], alpha: NDArray[np.complex128], cross: NDArray[np.float64]
+    ) -> NDArray[np.complex128]:
+        scaled = alpha.transpose(0, 2, 1) * self._scale[:, None, :]
+        out: NDArray[np.complex128] = rows @ self.field.mean + cross @ scaled
+        return out
 
 
 def cross_predict(
