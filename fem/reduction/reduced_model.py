@@ -40,6 +40,9 @@ vectors."""
 _PAIRS = 8
 """Sets of elements whose sums over pairs of DOFs are kept."""
 
+_MODELS = 4
+"""Models with other values that are kept."""
+
 _VECTORS, _ROWS = 8, 400
 """Sets of sensors whose projections are kept."""
 
@@ -137,6 +140,8 @@ class ReducedModel:
     _dofs: Recent = field(default_factory=lambda: Recent(_ROWS), init=False, repr=False)
     # Of sets of elements, by their DOFs.
     _pairs: Recent = field(default_factory=lambda: Recent(_PAIRS), init=False, repr=False)
+    # Of effects and values: models.
+    _models: Recent = field(default_factory=lambda: Recent(_MODELS), init=False, repr=False)
     # Effects whose responses the basis has, at their values: twice extended, it would keep what once fell
     # below the accuracy of the first time, and two ways to the same basis would differ.
     _held: frozenset[Hashable] = field(default=frozenset(), init=False, repr=False)
@@ -461,6 +466,19 @@ class ReducedModel:
     def slope_in(self, effect: Effect, stepped: Model) -> ReducedTerm:
         """Project an effect's derivative by a parameter that has a complex step in a model."""
         return self._of(effect, stepped.parts_of(effect), True)
+
+    def with_values(self, model: Model, values: Mapping[ParameterRef, float]) -> Model:
+        """Return a model of the same effects, or of more, with values that differ from its present ones.
+
+        The last ones are kept: effects know what they have computed for a model.
+        """
+
+        def there() -> Model:
+            known = self.nominal if model is self.model else model.values()
+            return model.with_values({ref: v for ref, v in values.items() if v != known.get(ref, v)})
+
+        out: Model = self._models.get((model.effects, *values.items()), there)
+        return out
 
     def scaling_of(self, effect: Effect, ref: ParameterRef) -> Mapping[str, int] | None:
         """Return which of an effect's matrices are proportional to a foreign parameter (computed once).

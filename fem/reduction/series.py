@@ -55,8 +55,7 @@ def terms_in_series(
     soft = [e for e in others if _alters(effect, e, model)]
     if not soft and not any(_alters(e, effect, model) for e in model.effects):
         return None
-    known = reduced.nominal if model is reduced.model else model.values()
-    model = model.with_values({ref: v for ref, v in values.items() if v != known.get(ref, v)})
+    model = reduced.with_values(model, values)
     out = []
     for each in effects:
         parts, wider = list(model.parts_of(each)), model.with_effect(each)

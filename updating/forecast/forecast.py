@@ -36,7 +36,7 @@ STEP = 1e-3
 """Step of differences by a parameter, in parts of its prior deviation or of a size [-]."""
 SMALL_SHARE = 0.01
 """A size is forecast by the slope at this share of it [-]."""
-TOGETHER = 200
+TOGETHER = 64
 """Number of small changes that are judged at once."""
 
 Ints = NDArray[np.int64]
@@ -192,7 +192,9 @@ class Forecast:
             beat()
             say(float(rows[-1] + 1) / n if len(rows) else 1.0)
             full_band = look.residuals.full_band
-            full, low = change[:, full_band], change[:, ~full_band]
+            full, low = (
+                (change, change[:, :0]) if full_band.all() else (change[:, full_band], change[:, ~full_band])
+            )
             full[np.abs(full).max(axis=1, initial=0.0) * np.maximum(most[rows], 1.0) < ROUNDING] = 0.0
             out.low[rows] = look.low_levels(low, most[rows], one_sided[rows])
             if changes:
@@ -215,23 +217,24 @@ class Forecast:
         every = list(dict.fromkeys(replaced))
         which = [every.index(refs) for refs in replaced]
         each = look.adapted_each(np.tile(look.now, (len(every), 1)), every, look.off)
-        now, y = each[which], look.whitened(each)[which]
+        now, to_take = each[which], ((np.abs(each) ** 2) @ look.weights)[which]
         moved = look.adapted_each(change, replaced)
-        a = self.factor[rows] = look.best_multiples(now, moved, most, one_sided)
+        a, square, slope = look.best_multiples(now, moved, most, one_sided)
+        self.factor[rows] = a
         seen = look.sees(most[:, None] * moved, look.resolution)
         parts = look.parts(now + a[:, None] * moved)
         self.cost[rows] = np.where(seen, look.cost_of(*parts), np.inf)
         self.evidence[rows] = look.log_evidence(*parts) - look.log_evidence(*look.parts(each))[which]
         self.sharpness[rows] = look.sharpness(moved, parts[0])
         # A model without the effect varies the parameter that the effect replaces, within its prior.
-        beyond = look.adapted(change) if any(replaced) else moved
+        beyond, replacing = moved, np.flatnonzero([bool(refs) for refs in replaced])
+        if len(replacing):
+            beyond = moved.copy()
+            beyond[replacing] = look.adapted(change[replacing])
         of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
         self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
-        v = look.whitened(moved)
-        square = (v**2).sum(axis=1)
         self.precision[rows] = np.sqrt(square)
-        taken = -a * (2 * (v * y).sum(axis=1) + a * square)
-        self.share[rows] = taken / np.maximum((y**2).sum(axis=1), LEAST_SQUARE)
+        self.share[rows] = -a * (2 * slope + a * square) / np.maximum(to_take, LEAST_SQUARE)
         if len(self.vectors):
             self.vectors[rows] = look.whitened(beyond)
 

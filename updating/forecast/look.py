@@ -269,7 +269,7 @@ class Look(Generic[P, C]):
         little, replaced = self.little(grid), grid.effect.replaces()
         now = self.adapted(self.now[None], replaced, self.off)[0]
         change = self.adapted(little.change, replaced)
-        factors = self.best_multiples(now, change, little.most, grid.one_sided())
+        factors, *_ = self.best_multiples(now, change, little.most, grid.one_sided())
         moved = factors[:, None] * change
         costs = np.where(self.sees(moved, self.resolution), self.costs(now + moved), np.inf)
         k = int(np.argmin(costs))
@@ -277,8 +277,11 @@ class Look(Generic[P, C]):
 
     def best_multiples(
         self, now: Complexes, change: Complexes, most: Floats, one_sided: bool | NDArray[np.bool_]
-    ) -> Floats:
-        """Return the best multiples of adapted changes, (n,), within ± ``most`` or from 0 to it."""
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return the best multiples of adapted changes, (n,), within ± ``most`` or from 0 to it.
+
+        And the squares of the whitened changes, (n,), and their products with the residuals, (n,).
+        """
         return _best_multiples(now, change, most, one_sided, self.weights)
 
     def sees(self, change: Complexes, resolution: Floats) -> NDArray[np.bool_]:
@@ -425,7 +428,7 @@ class Look(Generic[P, C]):
         low = self.residuals.now[low_band]
         if not low.size:
             return np.full(len(change), np.inf)
-        factors = _best_multiples(low, change, most, one_sided, pseudo_huber_weight(low, ROBUST))
+        factors, *_ = _best_multiples(low, change, most, one_sided, pseudo_huber_weight(low, ROBUST))
         moved = factors[:, None] * change
         return np.where(self.sees(moved, self.residuals.resolution[low_band]), level(low + moved), np.inf)
 
@@ -459,17 +462,22 @@ class Look(Generic[P, C]):
             alike.setdefault(refs, []).append(k)
         for refs, rows in alike.items():
             known[np.ix_(rows, [k for k, ref in enumerate(self.prior_of) if ref in refs])] = 0.0
-        flat = np.hstack([r.real, r.imag, known])
-        rest, m = flat - self._moved(flat, alike) @ self.slopes, r.shape[1]
-        return np.hstack([rest[:, :m] + 1j * rest[:, m : 2 * m], rest[:, 2 * m :]]).astype(complex)
+        m, moved = r.shape[1], self._moved(r, known, alike)
+        out = np.empty((len(r), m + known.shape[1]), dtype=complex)
+        np.subtract(r, (moved @ self._pairs).view(complex), out=out[:, :m])
+        out[:, m:] = known - moved @ self.slopes[:, 2 * m :]
+        return out
 
-    def _moved(self, flat: Floats, alike: Mapping[tuple[ParameterRef, ...], Sequence[int]]) -> Floats:
-        """Return how far nuisance parameters move against residuals (n, 2 m + n_all), (n, n_nuisances).
+    def _moved(
+        self, r: Complexes, known: Floats, alike: Mapping[tuple[ParameterRef, ...], Sequence[int]]
+    ) -> Floats:
+        """Return how far nuisance parameters move against residuals (n, m), (n, n_nuisances).
 
-        Beside parameters that stay, with the rows beside which they do.
+        And against those of prior knowledge (n, n_all), beside parameters that stay, with the rows beside
+        which they do.
         """
-        C, back = self._nuisances
-        moved: Floats = flat @ back.T
+        C, back, by_prior = self._nuisances
+        moved: Floats = np.ascontiguousarray(r).view(float) @ back.T + known @ by_prior.T
         for refs, rows in alike.items():
             if fixed := [k for k, ref in enumerate(self.refs) if ref in refs]:
                 by_fixed = np.linalg.solve(C[np.ix_(fixed, fixed)], C[fixed])
@@ -499,26 +507,35 @@ class Look(Generic[P, C]):
         If an unknown j that would move by x_j stays, too, the square of what is left rises by x_j² / C_jj,
         with the covariance C of all that moves.
         """
-        C, _ = self._nuisances
+        C, *_ = self._nuisances
         variance, n = C.diagonal().copy(), len(self.refs)
         if rows := [k for k, ref in enumerate(self.refs) if ref in fixed]:
             variance -= (C[:, rows] * np.linalg.solve(C[np.ix_(rows, rows)], C[rows]).T).sum(axis=1)
-        flat = np.concatenate([change.real, change.imag, np.zeros(len(self.off))])
-        x = self._moved(flat[None], {tuple(fixed): [0]})[0, :n]
+        x = self._moved(change[None], np.zeros((1, len(self.off))), {tuple(fixed): [0]})[0, :n]
         gain = x**2 / np.maximum(variance[:n], SMALL * C.diagonal()[:n])
         gain[rows] = -np.inf
         return self.refs[int(np.argmax(gain))]
 
     @cached_property
-    def _nuisances(self) -> tuple[Floats, Floats]:
-        """Return the covariance of nuisance parameters, and what takes a residual to their change."""
-        weighted = self.slopes * self.trust
-        A = weighted @ self.slopes.T
+    def _pairs(self) -> Floats:
+        """Slopes of the data's residuals, (n, 2 m), with each imaginary part behind its real one."""
+        m = len(self.share)
+        return (self.slopes[:, :m] + 1j * self.slopes[:, m : 2 * m]).view(float)
+
+    @cached_property
+    def _nuisances(self) -> tuple[Floats, Floats, Floats]:
+        """Return the covariance C of nuisance parameters, and what takes residuals to their change.
+
+        Those of the data, as of ``_pairs``, and those of prior knowledge.
+        """
+        m = len(self.share)
+        weighted = self._pairs * np.repeat(self.trust[:m], 2)
+        A = weighted @ self._pairs.T + self.slopes[:, 2 * m :] @ self.slopes[:, 2 * m :].T
         # each in its own unit: what is known a million times less well than another one counts as well
         size = np.sqrt(np.where(A.diagonal() > 0, A.diagonal(), 1.0))
         A = A / np.outer(size, size) + SMALL * np.eye(len(size))
         C = np.asarray(np.linalg.inv(A), dtype=float) / np.outer(size, size)
-        return C, C @ weighted
+        return C, C @ weighted, C @ self.slopes[:, 2 * m :]
 
 
 def _best_multiples(
@@ -527,15 +544,18 @@ def _best_multiples(
     most: Floats,
     one_sided: bool | NDArray[np.bool_],
     weight: Floats,
-) -> Floats:
+) -> tuple[Floats, Floats, Floats]:
     """Return the best multiples (n,) of changes (n, m) of residuals (m,) or (n, m).
 
-    Within ± ``most`` (n,), or from 0 to it where they are one-sided.
+    Within ± ``most`` (n,), or from 0 to it where they are one-sided. Then the weighted squares of the
+    changes, and their products with the residuals, (n,) each.
     """
-    size = (weight * np.abs(change) ** 2).sum(axis=1)
-    slope = (weight * (change.conj() * now).real).sum(axis=1)
+    both = np.repeat(weight, 2)  # of real and imaginary parts
+    parts = np.ascontiguousarray(change).view(float)
+    size = (parts**2) @ both
+    slope = (parts * np.ascontiguousarray(now).view(float)) @ both
     least = np.where(one_sided, 0.0, -most)
-    return np.clip(-slope / np.where(size > 0, size, 1.0), least, most)
+    return np.clip(-slope / np.where(size > 0, size, 1.0), least, most), size, slope
 
 
 def _finite_rows(change: Complexes) -> NDArray[np.bool_]:

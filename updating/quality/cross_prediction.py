@@ -211,7 +211,7 @@ class CrossPrediction:
         return self._motion(rows, self._alpha, cross), np.maximum(variance, 0.0).transpose(0, 2, 1)
 
     def _read_with(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the covariances of motions and readings, (n_lines, k, n_out), but for excitations' factors."""
+        """Return covariances of motions and readings, (n_lines, k, n_out), of an excitation's factor 1."""
         return (rows * self._weight[:, None, :]) @ self.rows.T
 
     def _motion(
