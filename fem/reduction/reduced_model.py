@@ -57,8 +57,8 @@ _LACKING = 1e-8
 """Less than this part of a static response is in the basis but for rounding [-]."""
 
 _ALL = slice(None)
-_UNITS = 64
-"""Effects whose matrices for a unit of their parameter are kept."""
+_UNITS, _LOCAL = 64, 2000
+"""Effects whose matrices are kept: of those that act on much of the model, and of those on few DOFs."""
 
 
 @dataclass(slots=True, eq=False)
@@ -130,8 +130,10 @@ class ReducedModel:
     _terms: dict[tuple[str, str], ReducedTerm] = field(default_factory=dict, init=False, repr=False)
     # Of effects of the model that are sums over their parameters: the fixed matrices of these.
     _summed: dict[str, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
-    # Of any effects, by all their fields but one: the projected matrices for a unit of that one.
+    # Of any effects, by all their fields: projected matrices; by all but one: those for a unit of that one.
     _units: Recent = field(default_factory=lambda: Recent(_UNITS), init=False, repr=False)
+    # The same of those on few DOFs.
+    _local: Recent = field(default_factory=lambda: Recent(_LOCAL), init=False, repr=False)
     # Of vectors on all DOFs, by keys of the caller.
     _projected: Recent = field(default_factory=lambda: Recent(_VECTORS), init=False, repr=False)
     # Of forces, by DOFs and motions.
@@ -364,7 +366,7 @@ class ReducedModel:
             for factor, X in law_parts(c, imaginary)
         ]
         laws = tuple((f, X) for f, X in laws if X is not None)
-        return ReducedTerm(T[dofs], K, M, C, D, laws, dofs)
+        return ReducedTerm(self._rows(dofs), K, M, C, D, laws, dofs)
 
     def _alike(self, contributions: Sequence[Contribution], imaginary: bool) -> ReducedTerm | None:
         """Project elements that have one symmetric matrix, Σ x_ij Σ_e T_eiᵀ T_ej; None for others.
@@ -398,8 +400,20 @@ class ReducedModel:
             return ReducedTerm(self._rows(table.dofs), K, M, None, None, (), table.dofs)
         if model is None and (sums := self._sums_of(effect)) is not None:
             return self._sum(effect, sums.factors(parameter_values(effect)))
-        unit = None if model else self._unit(effect)
-        return unit[0].times(unit[1]) if unit else self._of(effect, (model or self.model).parts_of(effect))
+        if model is not None:
+            return self._of(effect, model.parts_of(effect))
+        if (unit := self._unit(effect)) is not None:
+            return unit[0].times(unit[1])
+        return self._kept(_content(effect), lambda: self._of(effect, self.model.parts_of(effect)))
+
+    def _kept(self, key: Hashable, make: Callable[[], ReducedTerm]) -> ReducedTerm:
+        """Return a projection that is made once, unless its key is None; of few DOFs more are kept."""
+        term: ReducedTerm | None = None if key is None else self._units.find(key) or self._local.find(key)
+        if term is None:
+            term = make()
+        if key is not None:
+            (self._units if term.L is None else self._local).put(key, term)
+        return term
 
     def _table_of(self, effect: Effect) -> TabulatedEffect | None:
         """Return the tables of an effect that has some and touches few DOFs."""
@@ -433,18 +447,15 @@ class ReducedModel:
     def _unit(self, effect: Effect) -> tuple[ReducedTerm, float] | None:
         """Return the slope of an effect by a parameter that but multiplies it, and that parameter's value.
 
-        It is computed once for all values of that parameter, and kept for the last ``_UNITS`` of all others.
+        It is computed once for all values of that parameter, and kept for the last values of all others.
         None if there is no such parameter.
         """
         p, *rest = effect.parameters() or (None,)
         if p is None or not p.linear or p.absent != 0 or any(q.linear for q in rest):
             return None
-        key = (type(effect), *(getattr(effect, f.name) for f in fields(effect) if f.name != p.name))
-        try:
-            hash(key)
-        except TypeError:  # an array among its fields
+        if (key := _content(effect, p.name)) is None:
             return None
-        unit = self._units.get(key, lambda: self._slope_of(effect, p.name, p.value, self.model))
+        unit = self._kept(key, lambda: self._slope_of(effect, p.name, p.value, self.model))
         return None if unit.laws else (unit, p.value)
 
     def derivative_of(
@@ -548,6 +559,16 @@ class ReducedModel:
         if key not in self._terms:
             self._terms[key] = self.derivative_of(effect, parameter, value)
         return self._terms[key]
+
+
+def _content(effect: Effect, but: str = "") -> Hashable:
+    """Return what an effect is but for one of its parameters; None where an array is among its fields."""
+    key = (type(effect), but, *(getattr(effect, f.name) for f in fields(effect) if f.name != but))
+    try:
+        hash(key)
+    except TypeError:
+        return None
+    return key
 
 
 def _congruent(T: NDArray[np.float64], parts: Sequence[Contribution], key: str) -> NDArray[np.float64] | None:

@@ -138,8 +138,7 @@ class Forecast:
         cls, problem: Problem[Any], base: FitResult, grids: Sequence[Grid], *, n_places: int = 0
     ) -> "list[Forecast]":
         """Return forecasts at a fit by each look of :meth:`Look.several`."""
-        looks = Look.several(problem, base, None, 0, MOST_VALUES)
-        return [cls.of(look, grids, n_places=n_places) for look in looks]
+        return cls._by_looks(Look.several(problem, base, None, 0, MOST_VALUES), grids, n_places)
 
     @classmethod
     def of(
@@ -165,13 +164,59 @@ class Forecast:
         say : callable
             Called with the fraction done.
         """
-        littles = tuple(Little.of(grid, look.base.values, n_places) for grid in grids)
+        (out,) = cls._by_looks((look,), grids, n_places, vectors, changes, say)
+        return out
+
+    @classmethod
+    def _by_looks(
+        cls,
+        looks: Sequence[Look[Any, Any]],
+        grids: Sequence[Grid],
+        n_places: int,
+        vectors: bool = False,
+        changes: bool = False,
+        say: Callable[[float], None] = lambda done: None,
+    ) -> "list[Forecast]":
+        """Return forecasts by looks at one fit, which see the same changes and weight them differently."""
+        littles = tuple(Little.of(grid, looks[0].base.values, n_places) for grid in grids)
         n_each = [len(little.points) for little in littles]
+        every = [cls._empty(look, littles, n_each, vectors, changes) for look in looks]
+        n, first = sum(n_each), every[0]
+        most = np.concatenate([np.zeros(0), *(little.most for little in littles)])
+        one_sided = np.repeat([grid.one_sided() for grid in grids], n_each).astype(bool)
+        replaced = [tuple(grid.effect.replaces()) for grid in grids]
+        full_band = looks[0].residuals.full_band
+        for rows, change in first._changes():
+            beat()
+            say(float(rows[-1] + 1) / n if len(rows) else 1.0)
+            full, low = change, change[:, :0]
+            if not full_band.all():
+                full, low = change[:, full_band], change[:, ~full_band]
+            full[np.abs(full).max(axis=1, initial=0.0) * np.maximum(most[rows], 1.0) < ROUNDING] = 0.0
+            theirs = [replaced[k] for k in first.owner[rows]]
+            for out in every:
+                out.low[rows] = out.look.low_levels(low, most[rows], one_sided[rows])
+                if changes:
+                    out.changes[rows] = full
+                if vectors:
+                    out.samples[rows] = full[:, out._sampled]
+                out._judge(rows, full, theirs, most[rows], one_sided[rows])
+        return every
+
+    @classmethod
+    def _empty(
+        cls,
+        look: Look[Any, Any],
+        littles: tuple[Little, ...],
+        n_each: Sequence[int],
+        vectors: bool,
+        changes: bool,
+    ) -> "Forecast":
         n, m = sum(n_each), len(look.share)
         out = cls(
             look,
             littles,
-            np.repeat(np.arange(len(grids)), n_each),
+            np.repeat(np.arange(len(littles)), n_each),
             np.concatenate([np.arange(0), *(np.arange(k) for k in n_each)]).astype(np.int64),
             np.empty((n, look.share.shape[1] + 1)),
             precision=np.empty(n),
@@ -185,23 +230,6 @@ class Forecast:
             changes=np.empty((n if changes else 0, m), dtype=complex),
         )
         out.samples = np.empty((n if vectors else 0, len(out._sampled)), dtype=np.complex64)
-        most = np.concatenate([np.zeros(0), *(little.most for little in littles)])
-        one_sided = np.repeat([grid.one_sided() for grid in grids], n_each).astype(bool)
-        replaced = [tuple(grid.effect.replaces()) for grid in grids]
-        for rows, change in out._changes():
-            beat()
-            say(float(rows[-1] + 1) / n if len(rows) else 1.0)
-            full_band = look.residuals.full_band
-            full, low = (
-                (change, change[:, :0]) if full_band.all() else (change[:, full_band], change[:, ~full_band])
-            )
-            full[np.abs(full).max(axis=1, initial=0.0) * np.maximum(most[rows], 1.0) < ROUNDING] = 0.0
-            out.low[rows] = look.low_levels(low, most[rows], one_sided[rows])
-            if changes:
-                out.changes[rows] = full
-            if vectors:
-                out.samples[rows] = full[:, out._sampled]
-            out._judge(rows, full, [replaced[k] for k in out.owner[rows]], most[rows], one_sided[rows])
         return out
 
     def _judge(
