@@ -58,6 +58,22 @@ def dofs_of(points: ArrayLike) -> NDArray[np.int64]:
     return 6 * np.asarray(points, dtype=np.int64)[..., None] + np.arange(6)
 
 
+_RECIPROCALS = {
+    ("compliance", "m/N"): ("stiffness", "N/m"),
+    ("compliance", "rad/(N·m)"): ("stiffness", "N·m/rad"),
+}
+
+
+def reciprocal_form(name: str, unit: str) -> tuple[str, str] | None:
+    """Return name and unit of a spring's parameter as 1/value: a stiffness for a compliance, and back."""
+    return (_RECIPROCALS | {form: key for key, form in _RECIPROCALS.items()}).get((name, unit))
+
+
+def inverse(value: float) -> float:
+    """Return 1/value, infinite for 0: a rigid connection has no compliance."""
+    return 1 / value if value else float("inf")
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """A parameter of an effect.
@@ -96,6 +112,24 @@ class Parameter:
     position: bool = False
     usual_change: float = float("inf")
     in_words: Callable[[float], str] | None = field(default=None, compare=False)
+
+    @property
+    def reciprocal(self) -> "Parameter | None":
+        """The parameter as 1/value where an engineer may give that; None where it has no such form."""
+        form, words = reciprocal_form(self.name, self.unit), self.in_words
+        if form is None:
+            return None
+        return replace(
+            self,
+            name=form[0],
+            unit=form[1],
+            value=inverse(self.value),
+            absent=inverse(self.absent),
+            lower=inverse(self.upper),
+            upper=inverse(self.lower),
+            linear=False,
+            in_words=None if words is None else lambda value: words(inverse(value)),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ from dovetail.file.toml import toml_table
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Spread
 from fem.effects.joint_nonlinear import AmplitudeDependent
-from fem.model import Effect, Instruments, Model, ModelError, Parameter
+from fem.model import Effect, Instruments, Model, ModelError, Parameter, inverse
 from updating.measurement.measurement import Sensor, directed_of, sensor_point
 
 
@@ -35,10 +35,7 @@ def read_effects(
         name = t.text("candidate")
         with t.at("candidate"):
             effect = candidate_named(name, model, sensors, excitations)
-        values = {p.name: t.number(p.name, p.value) for p in effect.parameters()}
-        for p in effect.parameters():
-            if p.name in t.values:
-                _within(t, p.name, values[p.name], p)
+        values = _values_in(t, effect)
         if isinstance(effect, AmplitudeDependent):
             effect = replace(
                 effect, amplitude=t.number("amplitude", effect.amplitude, above=0, unit="m or rad")
@@ -92,26 +89,46 @@ def read_values(top: StudyTable, model: Model) -> Model:
         known = {e.name: e for e in model.effects}
         if name not in known:
             t.refuse("", f"the model has no effect '{name}'; {suggest(name, known)}")
-        parameters = {p.name: p for p in known[name].parameters()}
-        values = {}
+        forms = _forms(known[name])
         for key in t.values:
-            if key not in parameters:
-                t.refuse(key, f"effect '{name}' has no such parameter; {suggest(key, parameters)}")
-            values[key] = _within(t, key, t.number(key), parameters[key])
+            if key not in forms:
+                t.refuse(key, f"effect '{name}' has no such parameter; {suggest(key, forms)}")
+        values = _values_in(t, known[name])
         model = model.with_values({(name, key): value for key, value in values.items()})
     return model
 
 
-def _within(t: StudyTable, key: str, value: float, p: Parameter) -> float:
-    """Return a value; refuse one beyond its parameter's bounds."""
-    if not p.lower <= value <= p.upper:
-        t.refuse(key, _beyond(value, p))
-    return value
+def _forms(effect: Effect) -> dict[str, tuple[Parameter, Parameter]]:
+    """Return the names under which an effect takes values: a parameter's form of that name, and itself."""
+    own = effect.parameters()
+    known = {p.name: (p, p) for p in own}
+    return {r.name: (r, p) for p in own if (r := p.reciprocal) is not None} | known
 
 
-def _beyond(value: float, p: Parameter) -> str:
-    unit = "" if p.unit == "-" else f" {p.unit}"
-    return f"{value:g}{unit} is not between {p.lower:g} and {p.upper:g}{unit}"
+def _values_in(t: StudyTable, effect: Effect) -> dict[str, float]:
+    """Return the values of a table by the names of an effect's parameters."""
+    values: dict[str, float] = {}
+    for key, (form, p) in _forms(effect).items():
+        if key in t:
+            with t.at(key):
+                values[p.name] = _own_value(form, p, t.number(key), values)
+    return values
+
+
+def _own_value(form: Parameter, p: Parameter, value: float, others: Mapping[str, float]) -> float:
+    """Return a parameter's value from that of one of its forms, within its bounds and given once."""
+    if p.name in others:
+        msg = f"'{form.name}' is 1/{_other_form(form, p)}, which is given too; one of them is needed"
+        raise ModelError(msg)
+    if not form.lower <= value <= form.upper:
+        unit = "" if form.unit == "-" else f" {form.unit}"
+        msg = f"{value:g}{unit} is not between {form.lower:g} and {form.upper:g}{unit}"
+        raise ModelError(msg)
+    return value if form is p else inverse(value)
+
+
+def _other_form(form: Parameter, p: Parameter) -> str:
+    return p.name if form is not p or p.reciprocal is None else p.reciprocal.name
 
 
 def candidate_named(
@@ -140,14 +157,15 @@ def candidate_named(
 def with_given_values(effect: Effect, values: Mapping[str, float]) -> Effect:
     """Return an effect with values for some of its parameters, by name.
 
-    An effect that depends on amplitude takes ``amplitude`` [m or rad], too.
+    A stiffness may be given as ``compliance``, and the other way round. An effect that depends on amplitude
+    takes ``amplitude`` [m or rad], too.
 
     Raises
     ------
     ModelError
         If it has no such parameter, or a value is no number or is beyond the bounds.
     """
-    known = {p.name: p for p in effect.parameters()}
+    forms, own = _forms(effect), {}
     new = dict(values)
     if isinstance(effect, AmplitudeDependent) and "amplitude" in new:
         amplitude = _finite(effect, "amplitude", new.pop("amplitude"))
@@ -156,23 +174,26 @@ def with_given_values(effect: Effect, values: Mapping[str, float]) -> Effect:
             raise ModelError(msg)
         effect = replace(effect, amplitude=amplitude)
     for key, value in new.items():
-        if key not in known:
-            msg = f"'{effect.name}' has no parameter '{key}'; {_allowed(known.values())}"
+        if key not in forms:
+            msg = f"'{effect.name}' has no parameter '{key}'; {_allowed(form for form, _ in forms.values())}"
             raise ModelError(msg)
-        new[key] = _finite(effect, key, value)
-        if not known[key].lower <= new[key] <= known[key].upper:
-            msg = f"'{effect.name}': {key} = {_beyond(new[key], known[key])}"
-            raise ModelError(msg)
-    return effect.with_values(**new) if new else effect
+        form, p = forms[key]
+        number = _finite(effect, key, value, form.upper if form is not p else np.nan)
+        try:
+            own[p.name] = _own_value(form, p, number, own)
+        except ModelError as reason:
+            msg = f"'{effect.name}': {key} = {reason}"
+            raise ModelError(msg) from reason
+    return effect.with_values(**own) if own else effect
 
 
-def _finite(effect: Effect, key: str, value: Any) -> float:
-    """Return a value as a number that is finite."""
+def _finite(effect: Effect, key: str, value: Any, most: float = np.nan) -> float:
+    """Return a value as a number that is finite, or the most, which may be that of a rigid connection."""
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = np.nan
-    if not np.isfinite(number):
+    if not np.isfinite(number) and number != most:
         msg = f"'{effect.name}': {key} is '{value}'; a finite number is needed"
         raise ModelError(msg)
     return number

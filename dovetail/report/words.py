@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, axis_text, by_frfs
 from fem.declarations import Site
-from fem.model import DIRECTIONS, Effect, Model, Parameter
+from fem.model import DIRECTIONS, Effect, Model, Parameter, inverse, reciprocal_form
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
 from updating.diagnosis.departures import Departure
@@ -20,8 +20,6 @@ from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
-_STIFFNESS = {"rad/(N·m)": "N·m/rad", "m/N": "N/m"}
-"""Units of stiffnesses by those of compliances."""
 _DIRECTION = re.compile(r", (r?)([xyz])$")
 _DIRECTIONS = re.compile(r", (r?)([xyz])\b(?![\w.])")
 _MANY = re.compile(r"\b(supports|joints|members) ([^,]+(?:, [^,]+){2,}), (?!about|along)([^,]+)")
@@ -101,19 +99,23 @@ def with_unit(value: float, unit: str, std: float = math.nan, like: float | None
 
 
 def as_stiffness(p: EffectParameter) -> EffectParameter:
-    """Return a compliance as the stiffness 1/c, with the standard deviation s/c²; others as they are."""
-    if p.unit not in _STIFFNESS:
-        return p
-    stiffness = 1 / p.value if p.value else math.inf
-    std = p.std * stiffness**2 if p.value else math.nan
-    return replace(p, name="stiffness", value=stiffness, unit=_STIFFNESS[p.unit], std=std)
+    """Return a compliance as a stiffness; others as they are."""
+    other = reciprocal(p) if p.name == "compliance" else None
+    return p if other is None else other
+
+
+def reciprocal(p: EffectParameter) -> EffectParameter | None:
+    """Return a parameter x as 1/x with the standard deviation s/x²; None where it has no such form."""
+    form = reciprocal_form(p.name, p.unit)
+    if form is None:
+        return None
+    std = p.std / p.value**2 if p.value and math.isfinite(p.value) else math.nan
+    return replace(p, name=form[0], value=inverse(p.value), unit=form[1], std=std)
 
 
 def absent_value(p: Parameter) -> float:
     """Return the value at which a parameter's effect is absent, that of a compliance as a stiffness."""
-    if p.unit not in _STIFFNESS:
-        return p.absent
-    return 1 / p.absent if p.absent else math.inf
+    return inverse(p.absent) if p.name == "compliance" else p.absent
 
 
 def fitted_text(p: EffectParameter) -> str:
