@@ -119,6 +119,7 @@ TABLES = (
     "envelopes",
     "initial",
     "effects",
+    "fitted_form",
     "damping",
     "sensors",
     "excitations",

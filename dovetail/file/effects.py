@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.file.table import LEAST, StudyTable, suggest
-from dovetail.file.toml import toml_table
+from dovetail.file.toml import rounded, toml_table
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Spread
 from fem.effects.joint_nonlinear import AmplitudeDependent
@@ -28,7 +28,7 @@ def read_effects(
     """
     out: list[Effect] = []
     names = {e.name for e in model.effects}
-    tables = [(t, _is_change(top, t)) for t in top.tables("effects")]
+    tables = [(t, _is_change(top, t)) for t in (*_forms_in(top), *top.tables("effects"))]
     for t, change in sorted(tables, key=lambda pair: pair[1]):
         if change:
             model, out = _with_all(model, out), []
@@ -51,6 +51,12 @@ def read_effects(
         else:
             out.append(effect)
     return _with_all(model, out)
+
+
+def _forms_in(top: StudyTable) -> list[StudyTable]:
+    """Return ``[fitted_form]``, the form of sections and connections by candidate, as tables of effects."""
+    named = top.table("fitted_form").named()
+    return [StudyTable(t.source, t.path, {"candidate": name} | t.values) for name, t in named]
 
 
 def _with_all(model: Model, effects: Sequence[Effect]) -> Model:
@@ -230,10 +236,10 @@ def effect_table(effect: Effect, candidate: str, name: str = "", *, since_baseli
     """
     values: dict[str, Any] = {"candidate": candidate} | ({"name": name} if name else {})
     values |= {"since_baseline": True} if since_baseline else {}
-    values |= {p.name: _written(float(p.value)) for p in effect.parameters()}
+    values |= written_values(effect)
     if isinstance(effect, AmplitudeDependent):
         values["amplitude"] = float(effect.amplitude)
-    return toml_table("[[effects]]", values)
+    return toml_table("[[effects]]", rounded(values))
 
 
 def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Instruments:
@@ -248,6 +254,7 @@ def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[
     return Instruments(points[0], axes[0], points[1], axes[1])
 
 
-def _written(value: float) -> float:
-    """Return a value as a study file may hold it: no quantity is as small as rounding leaves of zero."""
-    return 0.0 if abs(value) < LEAST else value
+def written_values(effect: Effect) -> dict[str, float]:
+    """Return an effect's values as a study file holds them: no quantity is what rounding leaves of zero."""
+    values = {p.name: float(p.value) for p in effect.parameters()}
+    return {name: 0.0 if abs(v) < LEAST else rounded(v) for name, v in values.items()}
