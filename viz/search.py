@@ -25,7 +25,7 @@ def ranking(
     accepted: int | None = None,
     floor_db: float | None = None,
     title: str = "",
-    xlabel: str = "residual level with the candidate [dB]",
+    xlabel: str = "error with the candidate [dB]",
     at_most: int = 20,
 ) -> Chart:
     """Describe the error that each candidate leaves as bars, the best on top; a bar's length is its gain.

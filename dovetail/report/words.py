@@ -47,11 +47,6 @@ def effect_label(kind: str, where: str) -> str:
     return f"{kind.replace('_', ' ')}: {place(where)}"
 
 
-def level_label(d: Diagnosis) -> str:
-    """Return the label of an axis of residual levels; amplitudes have no phase."""
-    return f"residual level, {frf_parts(d).lower()} [dB]"
-
-
 def frf_parts(d: Diagnosis) -> str:
     """Return which parts of FRFs were measured, in words."""
     return "Amplitude and phase" if d.problem.data.phase else "Amplitude"
