@@ -285,7 +285,7 @@ def test_the_report_of_modes_answers_first_and_holds_its_figures(shaped):
     first = text[: text.index("<nav")]
     assert "Verdict: effect" in first
     assert "alone or with others: above 99\u00a0%" in first
-    assert first.count("robability") == 1
+    assert first.count("Probability") == 1
     assert "Alone: above 99\u00a0%" in text
     assert {"staircase", "model"} == set(re.findall(r'<figure data-figure="([^"]+)"', first))
     assert "could not be made" not in text

@@ -275,7 +275,7 @@ def test_two_directions_of_a_joint_are_one_sentence_and_an_extension_is_no_other
         "also consistent with joint complex stiffness: joint bolt, along x, whose loss factor 0.020 ± 0.030"
         in text
     )
-    assert re.search(r"along x above 99\s%; .*along y 99\s%; exactly these effects: 87\s%", text)
+    assert re.search(r"along x: above 99\s%; .*along y: 99\s%; exactly these effects: 87\s%", text)
     law = findings[0].twins[0]
     assert (findings[0].alternatives, findings[0].extensions) == ((), (law,))
 
