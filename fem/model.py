@@ -264,6 +264,8 @@ class Effect(ABC):
         How pictures mark it; the drawing chooses where it is None.
     is_form : bool
         Whether it is the size of connections, which centre lines leave out: uncertain in every model.
+    is_marked : bool
+        Whether pictures mark its places; not what is known of whole members only roughly.
     separable : bool
         Whether its matrices are a sum of functions of one parameter each, positive ones, that are 0 at their
         nominal values.
@@ -289,6 +291,7 @@ class Effect(ABC):
     gives_way: ClassVar[bool] = False
     statement: ClassVar[str] = ""
     is_form: ClassVar[bool] = False
+    is_marked: ClassVar[bool] = True
     separable: ClassVar[bool] = False
     environment: ClassVar[Environment | None] = None
     contains: ClassVar[Contains] = {}
@@ -397,6 +400,10 @@ class Effect(ABC):
     def locations(self, model: "Model") -> NDArray[np.float64]:
         """Return points to mark in a picture, shape (n, 3) [m]."""
         return np.empty((0, 3))
+
+    def global_axis(self, model: "Model") -> NDArray[np.float64] | None:
+        """Return the unit vector (3,) of a direction stated in a member's axes; None of others."""
+        return None
 
     def added_to(self, model: "Model") -> "Model":
         """Return a model with it; an effect that stands for values of others changes these, too."""

@@ -19,6 +19,7 @@ def found_lines(d: "Verdict") -> list[str]:
     out = []
     for k, f in enumerate(d.findings):
         out.append(f"  {words.finding_text(f)}")
+        out += [f"    {spot}" for spot in (words.spot_text(f.effect, d.model),) if spot]
         if f.alternatives:
             names = "; ".join(map(words.ranked_label, f.alternatives))
             out.append(f"    cannot be distinguished from: {names}")

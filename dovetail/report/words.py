@@ -5,6 +5,8 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, axis_text, by_frfs
 from fem.declarations import Site
 from fem.model import DIRECTIONS, Effect, Model, Parameter, inverse, reciprocal_form
@@ -188,6 +190,24 @@ def finding_text(finding: Finding) -> str:
     known = {p.name: p for p in finding.effect.parameters()}
     values = ", ".join(parameter_text(p, known.get(p.name)) for p in finding.parameters)
     return f"{effect_label(finding.effect.kind, finding.effect.where)}, {values}"
+
+
+def spot_text(effect: Effect, model: Model) -> str:
+    """Return node, coordinates and global axis of an effect at one place; empty of one at several or none.
+
+    Such as ``at node 6, (1.2, 0.35, 0) m, about global x``.
+    """
+    points, mesh = effect.locations(model), model.mesh
+    if len(points) != 1:
+        return ""
+    (place,) = points
+    near = {n: float(np.linalg.norm(mesh.points[k] - place)) for n, k in mesh.point_names.items()}
+    name = min(near, key=near.__getitem__, default="")
+    named = name and near[name] <= 1e-6 * float(np.ptp(mesh.points, axis=0).max())
+    at = ", ".join(f"{x:.4g}" for x in np.round(place, 6) + 0.0).replace("-", "−")
+    text = f"at {name}, ({at}) m" if named else f"at ({at}) m"
+    axis = effect.global_axis(model)
+    return text if axis is None else f"{text}, about global {axis_text(axis).lstrip('+−')}"
 
 
 def added_text(effect: Effect, fit: FitResult | None) -> str:
@@ -383,7 +403,10 @@ def _since(text: str, change: bool) -> str:
 
 def values_found(d: Verdict) -> list[str]:
     """Return the effects found with their values, a line each."""
-    lines = [finding_text(f) for f in d.findings]
+    spots = (spot_text(f.effect, d.model) for f in d.findings)
+    lines = [
+        finding_text(f) + (f"; {spot}" if spot else "") for f, spot in zip(d.findings, spots, strict=True)
+    ]
     if not lines or not is_open(d):
         return lines
     first = d.reported is d.explanations[0]

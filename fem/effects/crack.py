@@ -47,7 +47,7 @@ class Crack(GivesWay):
     role: ClassVar[Role] = Role.STIFFNESS
     marker: ClassVar[Marker | None] = Marker("cross", "orange")
     entry: ClassVar[Entry | None] = Entry(
-        quantities="`compliance` [rad/(N·m)] or `stiffness` [N·m/rad], `position` [m]",
+        quantities="`compliance` [rad/(N·m)], `position` [m]",
         meaning=(
             "a rotational flexibility at a place of a member, half its depth from its ends at least, "
             "for bending in one plane"
@@ -179,7 +179,7 @@ class EndRelease(GivesWay):
     role: ClassVar[Role] = Role.STIFFNESS
     marker: ClassVar[Marker | None] = Marker("thin_diamond", "orange")
     entry: ClassVar[Entry | None] = Entry(
-        quantities="`compliance` [rad/(N·m)] or `stiffness` [N·m/rad]",
+        quantities="`compliance` [rad/(N·m)]",
         meaning="a rotational flexibility where a member's end is welded in the model",
         places="each welded end of a member",
     )
