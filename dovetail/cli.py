@@ -53,6 +53,9 @@ COMMANDS = {
 EXAMPLE and run, which returns an `Answer`; RESULTS are its files and add_arguments adds its other options,
 if there are some."""
 
+ALIASES = {"desk": "open"}
+"""Commands by their other names."""
+
 WITHOUT_STUDY = ("new", "frf-estimate", "report")
 WITHOUT_TABLES = (*WITHOUT_STUDY, "open", "run", "export", "identify-joint")
 
@@ -137,7 +140,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         words = sys.argv[1:] if argv is None else argv
         # the first word that names a command is the command: no option before it takes a value
         with _without_collection(for_good=argv is None):
-            parser = build_parser([word for word in words if word in COMMANDS][:1])
+            called = [ALIASES.get(word, word) for word in words]
+            parser = build_parser([word for word in called if word in COMMANDS][:1])
         options = parser.parse_args(words)
     except SystemExit as stop:  # argparse has printed the reason
         return int(stop.code or 0)
@@ -232,7 +236,8 @@ def build_parser(commands: Collection[str] = tuple(COMMANDS)) -> argparse.Argume
     sub = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, words in COMMANDS.items():
         description = f"{words[0].upper()}{words[1:]}."
-        p = sub.add_parser(name, help=words, description=description, formatter_class=plain)
+        known = {"help": words, "description": description, "formatter_class": plain}
+        p = sub.add_parser(name, aliases=[alias for alias, of in ALIASES.items() if of == name], **known)
         if name in commands:
             _add_arguments(p, name)
     return parser

@@ -193,7 +193,7 @@ def require_planned(study: StudyContents, noise: float | None, left_db: float | 
         If a map with this noise and discrepancy is that of measured data.
     """
     if noise is None and left_db is None and (study.measurements or study.amplitudes):
-        msg = f"{study.path}: this needs a planned test, not measured data; give its noise (--noise 0.01)"
+        msg = f"{study.path}: this needs a planned test, not measured data; give its noise (--noise 1%)"
         raise StudyError(msg)
 
 

@@ -24,7 +24,7 @@ def run(command, *options):
 case = ("--case", "strength")
 static = run("static", *case)
 second = run("static", *case, "--second-order")
-buckling = run("buckling", *case, "--number", "1", "--pictures", str(folder / "shapes"))
+buckling = run("buckling", *case, "--number", "1", "--picture", str(folder / "shapes"))
 
 # Both tell the same story: the second-order analysis states the factor of the first buckling shape.
 factor = second["buckling_factors"]["strength"]

@@ -1,11 +1,15 @@
 """Words for directions: unit vectors, and sets of degrees of freedom."""
 
+import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.model import DIRECTIONS, ModelError
+
+_RUN, _RUNS = re.compile(r"r?[xyz]"), re.compile(r"(r?[xyz])+")
+"""A direction, and several in one word."""
 
 
 def direction_vector(direction: str | ArrayLike) -> NDArray[np.float64]:
@@ -31,7 +35,9 @@ def direction_vector(direction: str | ArrayLike) -> NDArray[np.float64]:
 
 
 def directions_from(text: str | Sequence[str], what: str) -> tuple[str, ...]:
-    """Read a set of DOF directions: ``"all"``, ``"translations"``, ``"rotations"`` or some of x y z rx ry rz.
+    """Return DOF directions from words.
+
+    ``"all"``, ``"translations"``, ``"rotations"`` or some of x y z rx ry rz, as ``"x, ry"`` or ``"xyz"``.
 
     Raises
     ------
@@ -40,7 +46,7 @@ def directions_from(text: str | Sequence[str], what: str) -> tuple[str, ...]:
     """
     named = {"all": DIRECTIONS, "translations": DIRECTIONS[:3], "rotations": DIRECTIONS[3:]}
     words: Iterable[str] = named.get(text, text.replace(",", " ").split()) if isinstance(text, str) else text
-    words = tuple(words)
+    words = [d for word in words for d in (_RUN.findall(word) if _RUNS.fullmatch(str(word)) else [word])]
     for word in words:
         if word not in DIRECTIONS:
             msg = (

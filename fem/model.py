@@ -58,6 +58,22 @@ def dofs_of(points: ArrayLike) -> NDArray[np.int64]:
     return 6 * np.asarray(points, dtype=np.int64)[..., None] + np.arange(6)
 
 
+_RECIPROCALS = {
+    ("compliance", "m/N"): ("stiffness", "N/m"),
+    ("compliance", "rad/(N·m)"): ("stiffness", "N·m/rad"),
+}
+
+
+def reciprocal_form(name: str, unit: str) -> tuple[str, str] | None:
+    """Return name and unit of a spring's parameter as 1/value: a stiffness for a compliance, and back."""
+    return (_RECIPROCALS | {form: key for key, form in _RECIPROCALS.items()}).get((name, unit))
+
+
+def inverse(value: float) -> float:
+    """Return 1/value, infinite for 0: a rigid connection has no compliance."""
+    return 1 / value if value else float("inf")
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """A parameter of an effect.
@@ -96,6 +112,24 @@ class Parameter:
     position: bool = False
     usual_change: float = float("inf")
     in_words: Callable[[float], str] | None = field(default=None, compare=False)
+
+    @property
+    def reciprocal(self) -> "Parameter | None":
+        """The parameter as 1/value where an engineer may give that; None where it has no such form."""
+        form, words = reciprocal_form(self.name, self.unit), self.in_words
+        if form is None:
+            return None
+        return replace(
+            self,
+            name=form[0],
+            unit=form[1],
+            value=inverse(self.value),
+            absent=inverse(self.absent),
+            lower=inverse(self.upper),
+            upper=inverse(self.lower),
+            linear=False,
+            in_words=None if words is None else lambda value: words(inverse(value)),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,6 +264,8 @@ class Effect(ABC):
         How pictures mark it; the drawing chooses where it is None.
     is_form : bool
         Whether it is the size of connections, which centre lines leave out: uncertain in every model.
+    is_marked : bool
+        Whether pictures mark its places; not what is known of whole members only roughly.
     separable : bool
         Whether its matrices are a sum of functions of one parameter each, positive ones, that are 0 at their
         nominal values.
@@ -255,6 +291,7 @@ class Effect(ABC):
     gives_way: ClassVar[bool] = False
     statement: ClassVar[str] = ""
     is_form: ClassVar[bool] = False
+    is_marked: ClassVar[bool] = True
     separable: ClassVar[bool] = False
     environment: ClassVar[Environment | None] = None
     contains: ClassVar[Contains] = {}
@@ -363,6 +400,10 @@ class Effect(ABC):
     def locations(self, model: "Model") -> NDArray[np.float64]:
         """Return points to mark in a picture, shape (n, 3) [m]."""
         return np.empty((0, 3))
+
+    def global_axis(self, model: "Model") -> NDArray[np.float64] | None:
+        """Return the unit vector (3,) of a direction stated in a member's axes; None of others."""
+        return None
 
     def added_to(self, model: "Model") -> "Model":
         """Return a model with it; an effect that stands for values of others changes these, too."""

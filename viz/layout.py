@@ -98,9 +98,13 @@ def merge_names(names: Sequence[str], points: ArrayLike, tolerance: float) -> li
     out = []
     for first, rows in places.items():
         words = [names[r] for r in rows]
-        stems = {word[:-1] for word in words}
-        if len(words) > 1 and len(stems) == 1 and len(words[0]) > 1:
-            out.append((stems.pop() + ",".join(sorted(word[-1] for word in words)), first))
+        stem = words[0] if len(words) > 1 else ""
+        while not all(word.startswith(stem) for word in words):
+            stem = stem[:-1]
+        ends = sorted(word.removeprefix(stem) for word in words)
+        whole = stem[-1:].isdigit() and any(end[:1].isdigit() for end in ends)  # P1x and P10x
+        if stem and all(ends) and not whole:
+            out.append((stem + ",".join(ends), first))
         else:
             out.append((", ".join(words), first))
     return out

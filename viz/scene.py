@@ -173,7 +173,7 @@ class Scene:
         seen: dict[str, tuple[str, str]] = {}
         for effect in model.effects:
             places = effect.locations(model)
-            if not len(places):
+            if effect.is_form or not (effect.is_marked and len(places)):
                 continue
             axes = support_axes(effect, model)
             kind, marker = (effect.kind, effect.marker) if axes is None else ("support", SUPPORT_MARKER)

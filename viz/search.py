@@ -25,7 +25,7 @@ def ranking(
     accepted: int | None = None,
     floor_db: float | None = None,
     title: str = "",
-    xlabel: str = "residual level with the candidate [dB]",
+    xlabel: str = "error with the candidate [dB]",
     at_most: int = 20,
 ) -> Chart:
     """Describe the error that each candidate leaves as bars, the best on top; a bar's length is its gain.
@@ -89,9 +89,11 @@ def ranking(
     ]
     marks.append(Rule(value=baseline_db, text=f"without: {number(baseline_db, 2)} dB"))
     more = f"; {hidden} worse ones are not shown" if hidden else ""
-    named = rows([broken(shorten(str(labels[k]), 96), 50) for k in order])
-    size = style.WIDTH, 1.25 + 0.3 * len(order)
-    return Chart(marks, Axis(xlabel + more, (low, high)), named, title, 110 + 30 * len(order), size)
+    words = [broken(shorten(str(labels[k]), 96), 50) for k in order]
+    tallest = max((text.count("\n") for text in words), default=0)
+    size = style.WIDTH, 1.25 + (0.3 + 0.06 * tallest) * len(order)
+    height = 130 + (30 + 12 * tallest) * len(order)
+    return Chart(marks, Axis(xlabel + more, (low, high)), rows(words), title, height, size)
 
 
 def _floor(level: float, low: float, along: str, unit: str, digits: int) -> list[ChartMark]:

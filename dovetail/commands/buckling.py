@@ -13,7 +13,7 @@ from fem.analysis.buckling import SIGNS, solve_buckling
 from fem.analysis.modes import Modes
 from fem.system import assemble
 
-EXAMPLE = "dovetail buckling study.toml --case dead --number 4 --pictures out/buckling"
+EXAMPLE = "dovetail buckling study.toml --case dead --number 4 --picture out/buckling"
 RESULTS = Results(motions="the shapes", pictures=("each shape", "buckling-01.png"))
 
 
@@ -45,11 +45,11 @@ def run(options: Options, progress: Progress) -> Answer:
     if options.vtu is not None:
         names = [f"shape {k + 1}: factor {f:.6g}" for k, f in enumerate(found.factors)]
         write_motions(options.vtu, study, dict(zip(names, found.shapes.T, strict=True)))
-    if options.pictures is not None:
+    if options.picture is not None:
         from viz.render import render_mode
 
         shapes = Modes(found.factors, found.shapes)
-        with result_folder(options.pictures, options.force) as scratch:
+        with result_folder(options.picture, options.force) as scratch:
             for k, factor in enumerate(found.factors):
                 progress("drawing", k, found.factors.size)
                 title = f"Buckling shape {k + 1}: load factor {factor:.4g}, {solution.cases[0]}"

@@ -47,7 +47,8 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         type=values_by_name,
         default=argparse.SUPPRESS,
         metavar="NAME=VALUE,...",
-        help="values of the effect of the --add before it, in SI units; others stay as it begins with them",
+        help="values of the effect of the --add before it, in SI units, a spring's as stiffness or "
+        "compliance; others stay as it begins with them",
     )
     p.add_argument(
         "--fitted", action="store_true", help="fit the uncertain parameters and the added effects first"

@@ -48,11 +48,11 @@ def run(options: Options, progress: Progress) -> Answer:
     turning = whirl(model, found.poles, found.shapes)
     for path in filter(None, (options.out, options.vtu)):
         write_modes(modes, study.model.mesh, path)
-    if options.pictures is not None:
+    if options.picture is not None:
         from viz.render import mode_title, render_mode
 
         of_modes = [whirl_name(w) for w in turning[~found.overdamped]]
-        with result_folder(options.pictures, options.force) as scratch:
+        with result_folder(options.picture, options.force) as scratch:
             for k in range(modes.n_rigid, modes.n_modes):
                 progress("drawing mode shapes", k, modes.n_modes)
                 name = of_modes[k - modes.n_rigid]

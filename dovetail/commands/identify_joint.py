@@ -30,7 +30,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--directions",
         required=True,
         metavar="LIST",
-        help="relative motions to identify, such as z,rx; the others keep the study's values",
+        help="relative motions to identify, such as z,rx or xyz; the others keep the study's values",
     )
     p.add_argument(
         "--terms",

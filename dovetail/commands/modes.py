@@ -15,7 +15,7 @@ from fem.analysis.warping import warped_modes
 from fem.io import write_modes
 from fem.system import assemble
 
-EXAMPLE = "dovetail modes study.toml --number 12 --pictures out/modes"
+EXAMPLE = "dovetail modes study.toml --number 12 --picture out/modes"
 RESULTS = Results(motions="the mode shapes", pictures=("each elastic mode", "mode-01.png"))
 
 
@@ -44,10 +44,10 @@ def run(options: Options, progress: Progress) -> Answer:
     zeta = np.zeros(found.n_modes) if found.zeta is None else found.zeta
     if options.vtu is not None:
         write_modes(found, study.model.mesh, options.vtu)
-    if options.pictures is not None:
+    if options.picture is not None:
         from viz.render import render_mode
 
-        with result_folder(options.pictures, options.force) as scratch:
+        with result_folder(options.picture, options.force) as scratch:
             for k in range(found.n_rigid, found.n_modes):
                 progress("drawing mode shapes", k - found.n_rigid, found.n_modes - found.n_rigid)
                 render_mode(study.model, found, k, scratch / f"mode-{k + 1:02d}.png")

@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import count, positive
+from dovetail.commands.argument_types import count, positive, share
 from dovetail.commands.common import Options, loaded
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress, write_json
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from updating.plan.check import FailedTrial, Trial
     from updating.plan.plan import Plan
 
-EXAMPLE = "dovetail plan study.toml --noise 0.01 --picture plan.png"
+EXAMPLE = "dovetail plan study.toml --noise 1% --picture plan.png"
 
 RESULTS = Results(picture="where effects are named")
 
@@ -24,10 +24,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     p.add_argument(
         "--noise",
-        type=positive,
+        type=share,
         metavar="SHARE",
-        help="noise of a test that is planned, in parts of the root mean square of the FRFs of a force "
-        "(default: that of the measured FRFs, else 0.01)",
+        help="noise of a test that is planned, such as 1%%, of the root mean square of the FRFs of a force "
+        "(default: that of the measured FRFs, else 1%%)",
     )
     p.add_argument(
         "--left",

@@ -1,7 +1,7 @@
 """Files that commands read and write if asked to: tables, pictures, and motions of the structure."""
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -43,7 +43,7 @@ class Results:
     picture : str
         Contents of the picture of ``--picture``.
     pictures : tuple of (str, str)
-        Contents of the folder of ``--pictures``, and the name of the first file in it.
+        Contents of the folder of ``--picture`` where there are several, and the name of the first file in it.
     more : tuple of Written
         Other files.
     read : mapping of str to str
@@ -75,10 +75,15 @@ class Results:
         """Add the options of these files to a command's parser."""
         for name, contents, formats, required in self.files():
             words = f"{contents}: {_listed(formats)}"
-            p.add_argument(name, type=Path, metavar="FILE", help=words, required=required)
+            if name == "--picture":
+                command = p.prog.split()[-1]
+                read, words = _in_folder(f"{command}.png"), f"{words}; into a folder as {command}.png"
+                p.add_argument(name, type=read, metavar="FILE|DIR", help=words, required=required)
+            else:
+                p.add_argument(name, type=Path, metavar="FILE", help=words, required=required)
         if self.pictures[0]:
             words = f"also draw {self.pictures[0]} as PNG into this folder"
-            p.add_argument("--pictures", type=Path, metavar="DIR", help=words)
+            p.add_argument("--picture", type=Path, metavar="DIR", help=words)
             p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
 
     def check(self, options: Options) -> None:
@@ -96,16 +101,14 @@ class Results:
                 msg = f"{option} {path} is written as {_listed(formats)}, not '{path.suffix}'"
                 raise OutputError(msg)
             outputs.append(Output(option, path))
-        folder = options.pictures if self.pictures[0] else None
+        folder = options.picture if self.pictures[0] else None
         if folder is not None and folder.suffix.lower() in (".png", ".jpg", ".svg", ".pdf"):
-            msg = f"--pictures {folder}: there are several, and a folder is needed, such as {folder.stem}"
+            msg = f"--picture {folder}: there are several, and a folder is needed, such as {folder.stem}"
             raise OutputError(msg)
         if self.pictures[0]:
-            outputs.append(Output("--pictures", folder, self.pictures[1:]))
+            outputs.append(Output("--picture", folder, self.pictures[1:]))
         check_places(options, *outputs, more=tuple(self._inputs(options)))
-        if folder is not None:
-            require_drawing("--pictures")
-        if self.rendered and options.picture is not None:
+        if folder is not None or (self.rendered and options.picture is not None):
             require_drawing("--picture")
 
     def _inputs(self, options: Options) -> Iterator[InputFile]:
@@ -113,6 +116,11 @@ class Results:
             given = getattr(options, name)
             for path in given if isinstance(given, list) else [given] * (given is not None):
                 yield InputFile(path, what)
+
+
+def _in_folder(name: str) -> Callable[[str], Path]:
+    """Return a reader of a file's path, which has a name in a folder that exists."""
+    return lambda text: Path(text) / name if Path(text).is_dir() else Path(text)
 
 
 def write_motions(

@@ -25,7 +25,7 @@ from fem.analysis.static_cases import StaticCases
 from fem.analysis.stations import LargestDisplacement
 from fem.model import DIRECTIONS
 
-EXAMPLE = "dovetail static study.toml --case dead --case wind --pictures out/static --vtu out/static.vtu"
+EXAMPLE = "dovetail static study.toml --case dead --case wind --picture out/static --vtu out/static.vtu"
 
 RESULTS = Results(
     motions="displacements and section forces",
@@ -75,7 +75,7 @@ def run(options: Options, progress: Progress) -> Answer:
     }
     if options.vtu is not None:
         _write_fields(options.vtu, study, solution)
-    if options.pictures is not None:
+    if options.picture is not None:
         _draw(options, solution, progress)
     members = {m: solution.stations(m, options.pieces) for m in study.model.mesh.members}
     stresses = {m: s for m in members if (s := solution.stresses(m, options.pieces)) is not None}
@@ -316,7 +316,7 @@ def _draw(options: Options, solution: StaticCases, progress: Progress) -> None:
         render_stress,
     )
 
-    with result_folder(options.pictures, options.force) as scratch:
+    with result_folder(options.picture, options.force) as scratch:
         for k, name in enumerate(solution.cases):
             progress("drawing", k, len(solution.cases))
             part, column = solution.column(k)

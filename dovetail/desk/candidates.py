@@ -9,7 +9,7 @@ from nicegui import ui
 
 from dovetail.desk.session import Desk
 from dovetail.desk.widgets import Act, button, card, choice, labelled
-from dovetail.report.probable import hypotheses, probability_text
+from dovetail.report.probable import hypotheses, probability_details, probability_text
 from dovetail.report.words import (
     departure_text,
     effect_label,
@@ -201,7 +201,7 @@ class CandidateList:
             ui.label(f"Form: {departure_text(differs)}.").classes("desk-note")
         for fault in d.every_fault:
             ui.label(f"{fault_text(fault)}.").classes("desk-note")
-        if sure := probability_text(d):
+        for sure in filter(None, (probability_text(d), probability_details(d))):
             ui.label(sure).classes("desk-note")
         for hypothesis, probability in hypotheses(d)[:N_RANKED]:
             ui.label(f"{percent(probability)}: {hypothesis}").classes("desk-note")

@@ -12,19 +12,20 @@ from dovetail.desk.scale import Scale
 from dovetail.desk.session import Desk
 from dovetail.desk.widgets import Act, button, card, check, labelled
 from dovetail.report.words import effect_label, number
-from fem.model import Effect, Parameter, parameter_values
+from fem.model import Effect, Parameter, inverse, parameter_values
 from updating.live.weighing import Weighed, WeighedChannel
 
 THROTTLE = 0.03
 """Least time between two positions that a slider sends while it is dragged [s]."""
 POSITION = "(e) => emit(e.target.value)"
 DRAGGED = """(e) => {{
-  const field = e.target.closest('.desk-slider').querySelector('.q-field input'), x = +e.target.value;
-  const value = {value};
-  field.value = +Math.min({upper}, Math.max({lower}, value)).toPrecision(4);
+  const [field, other] = e.target.closest('.desk-slider').querySelectorAll('.q-field input');
+  const x = +e.target.value, value = Math.min({upper}, Math.max({lower}, {value}));
+  field.value = +value.toPrecision(4);
+  if (other) other.value = value ? +(1 / value).toPrecision(4) : '';
   emit(x);
 }}"""
-"""Writes the value into the field at once: as a property it would have the whole page rendered anew."""
+"""Writes the value into the fields at once: as a property it would have the whole page rendered anew."""
 STEP = """(e) => {
   const steps = {ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -20, PageUp: 20}[e.key];
   if (!steps) return;
@@ -160,48 +161,26 @@ class EffectList:
             self._evidences[name] = labelled(evidence.props("dense"), f"evidence for {name}")
 
     def _slider(self, name: str, p: Parameter, scale: Scale) -> None:
-        desk = self._desk
-        unit = "" if p.unit == "-" else p.unit
+        """Show a parameter with a slider, and with a field for each form in which it may be given."""
         words = f"{p.name.replace('_', ' ')} of {name}"
         with ui.element("div").classes("desk-slider"):
             ui.label(p.name.replace("_", " ")).classes("label")
             slider = ui.element("input").props("type=range")
-            field = ui.number(value=float(f"{p.value:.6g}"), suffix=unit).props("dense outlined debounce=500")
+            shows = [self._field(name, p, form) for form in (p, p.reciprocal) if form is not None]
         # Vue writes a "value" again whenever anything near it changes, also while it is dragged
         at = scale.position(float(p.value))
         ends = {"min": scale.low, "max": scale.high, "step": "any", "defaultValue": at}
         for key, value in {**ends, "aria-label": words, "title": _range_text(p)}.items():
             slider.props[key] = value
-        labelled(field, f"{words}, {unit or 'no unit'}")
-        typed = {"by_hand": True}
 
         def value_at(position: Any) -> float:
             return float(np.clip(scale.value(float(position)), p.lower, p.upper))
 
         def left(value: float) -> None:
-            typed["by_hand"] = False
-            field.set_value(float(f"{value:.4g}"))
-            typed["by_hand"] = True
-
-        def entered(e: Any) -> None:
-            if not typed["by_hand"] or e.value is None:  # it is empty while another number is typed
-                return
-            value = float(e.value)
-            beyond = not p.lower <= value <= p.upper
-            if beyond:  # told first: the field may be replaced by the action
-                told = f"{p.name.replace('_', ' ')} of {name}: {_range_text(p)} is allowed"
-                ui.notify(told, type="warning", multi_line=True)
-            self._act(lambda: desk.set_value(name, p.name, value))
-            if beyond:
-                self.moved_by_hand(desk.now.hypothesis.effects)
-                self.refresh()
-
-        def emptied() -> None:
-            if field.value is None:  # or no number: the present value is shown again
-                left(float(parameter_values(desk.now.hypothesis.effect(name))[p.name]))
+            for show in shows:
+                show(value)
 
         self._fields[name, p.name] = left
-        field.on("blur", emptied)
         slider.on(
             "input",
             lambda e: self._move((name, p.name, value_at(e.args))),
@@ -210,7 +189,51 @@ class EffectList:
         )
         slider.on("change", lambda e: self._release((name, p.name, value_at(e.args))), js_handler=POSITION)
         slider.on("keydown", js_handler=STEP)
+
+    def _field(self, name: str, p: Parameter, form: Parameter) -> Callable[[float], None]:
+        """Show a field for one form of a parameter; return what writes a value of the parameter into it."""
+        desk = self._desk
+        unit = "" if form.unit == "-" else form.unit
+        called = form.name.replace("_", " ")
+        first = form is p
+
+        def text_of(value: float, digits: int = 4) -> float | None:
+            value = value if first else inverse(value)
+            return float(f"{value:.{digits}g}") if np.isfinite(value) else None
+
+        field = ui.number(value=text_of(float(p.value), 6), suffix=unit, placeholder="rigid")
+        field.props("dense outlined debounce=500" + ("" if first else f" stack-label label={called}"))
+        if not first:
+            field.classes("other-form")
+        labelled(field, f"{called} of {name}, {unit or 'no unit'}")
+        typed = {"by_hand": True}
+
+        def left(value: float) -> None:
+            typed["by_hand"] = False
+            field.set_value(text_of(value))
+            typed["by_hand"] = True
+
+        def entered(e: Any) -> None:
+            if not typed["by_hand"] or e.value is None:  # it is empty while another number is typed
+                return
+            value = float(e.value)
+            beyond = not form.lower <= value <= form.upper
+            if beyond:  # told first: the field may be replaced by the action
+                told = f"{called} of {name}: {_range_text(form)} is allowed"
+                ui.notify(told, type="warning", multi_line=True)
+            own = value if first else inverse(float(np.clip(value, form.lower, form.upper)))
+            self._act(lambda: desk.set_value(name, p.name, own))
+            if beyond:
+                self.moved_by_hand(desk.now.hypothesis.effects)
+                self.refresh()
+
+        def emptied() -> None:
+            if field.value is None:  # or no number: the present value is shown again
+                left(float(parameter_values(desk.now.hypothesis.effect(name))[p.name]))
+
+        field.on("blur", emptied)
         field.on_value_change(entered)
+        return left
 
     # Evidence -----------------------------------------------------------------------------------------------
 

@@ -25,7 +25,7 @@ def require_nicegui() -> None:
     try:
         import nicegui  # noqa: F401
     except ImportError as reason:
-        msg = f"the desk needs NiceGUI, which is not installed ({reason}): pip install nicegui"
+        msg = f"the desk needs NiceGUI, which is not installed ({reason}): python -m pip install nicegui"
         raise MissingDeskError(msg) from reason
 
 

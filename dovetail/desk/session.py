@@ -21,6 +21,7 @@ from dovetail.desk.saving import (
 from dovetail.desk.scale import Scale, scales_of
 from dovetail.desk.state import DeskState, History, Stair
 from dovetail.file.contents import measured
+from dovetail.file.effects import with_given_values
 from dovetail.pipeline import Progress, diagnose_study
 from dovetail.plan import plan_study
 from dovetail.report.words import effect_label
@@ -255,12 +256,11 @@ class Desk:
 
     def add(self, name: str, **values: float) -> None:
         """Add a candidate: where it begins to be absent, or at given values."""
-        effect = self.candidates[name]
-        known = parameter_values(effect) | values
-        if not np.isfinite(list(known.values())).all():
+        effect = with_given_values(self.candidates[name], values)
+        if not np.isfinite(list(parameter_values(effect).values())).all():
             starts = effect.starts(self.live.problem.surroundings)
-            known |= starts[len(starts) // 2] | values
-        h = self.now.hypothesis.with_effect(effect.with_values(**known))
+            effect = with_given_values(effect.with_values(**starts[len(starts) // 2]), values)
+        h = self.now.hypothesis.with_effect(effect)
         self.suppose(f"add {_called(effect)}", h)
 
     def remove(self, name: str) -> None:

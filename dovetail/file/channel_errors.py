@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dovetail.file.table import StudyTable, suggest
+from dovetail.file.toml import rounded
 from updating.measurement.channel_errors import N_ERRORS, USUAL, ChannelErrors
 from updating.measurement.measurement import Measurement, Sensor, references_of
 
@@ -48,4 +49,4 @@ def channel_error_values(measurement: Measurement) -> dict[tuple[str, ...], obje
     """Return what a study file says of the errors that a fit has found, by place."""
     errors = measurement.errors
     known = {"sensors": errors.sensors, "excitations": errors.excitations}
-    return {(TABLE, key): dict(values) for key, values in known.items() if values}
+    return {(TABLE, key): rounded(values) for key, values in known.items() if values}

@@ -119,6 +119,7 @@ TABLES = (
     "envelopes",
     "initial",
     "effects",
+    "fitted_form",
     "damping",
     "sensors",
     "excitations",
@@ -227,14 +228,23 @@ def _read(path: Path, text: str, top: StudyTable, needs: Collection[str]) -> Stu
         raise reader.explained(missing, needs) from None
 
 
-def _decimal_comma(text: str, reason: str) -> str:
-    """Return the suspicion that the line of a TOML error has a decimal comma; nothing without one."""
-    found = re.search(r"at line (\d+)", reason)
-    line = text.splitlines()[int(found[1]) - 1].partition("#")[0] if found else ""
-    number = re.search(r"=\s*([+-]?\d+,\d+)", line)
-    if number is None:
+def _suspicion(text: str, reason: str) -> str:
+    """Return what is probably wrong where a TOML text cannot be read; nothing without a suspicion."""
+    found = re.search(r"at line (\d+), column (\d+)", reason)
+    line = text.splitlines()[int(found[1]) - 1] if found else ""
+    number = re.search(r"=\s*([+-]?\d+,\d+)", line.partition("#")[0])
+    if number is not None:
+        decimal = number[1].replace(",", ".")
+        return f"; is '{number[1]}' a number with a decimal comma? TOML has points, {decimal}"
+    bare = re.match(r"[^\s,\]}\"'#][^,\]}\"'#]*", line[int(found[2]) - 1 :]) if found else None
+    if "Illegal character '\\n'" in reason:
+        return "; a text needs its closing quote on the same line"
+    if bare is None or not reason.startswith("Invalid value"):
         return ""
-    return f"; is '{number[1]}' a number with a decimal comma? TOML has points, {number[1].replace(',', '.')}"
+    word = bare[0].strip()
+    if word.lower() in ("true", "false", "inf", "nan"):
+        return f"; TOML writes {word.lower()}"
+    return f'; texts stand in quotes: "{word}"'
 
 
 def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
@@ -248,7 +258,7 @@ def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
             values["sections"] = {"file": values["sections"]}
         return values, Source(name, key_lines(text))
     except tomllib.TOMLDecodeError as reason:
-        msg = f"{name}: {reason}{_decimal_comma(text, str(reason))}"
+        msg = f"{name}: {reason}{_suspicion(text, str(reason))}"
     except RecursionError:
         msg = (
             f"{name}: its lists or tables are nested hundreds of levels deep; a study has five levels at most"

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from dovetail.file.table import LEAST, StudyTable, suggest
-from dovetail.file.toml import toml_table
+from dovetail.file.toml import rounded, toml_table
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Spread
 from fem.effects.joint_nonlinear import AmplitudeDependent
-from fem.model import Effect, Instruments, Model, ModelError, Parameter
+from fem.model import Effect, Instruments, Model, ModelError, Parameter, inverse
 from updating.measurement.measurement import Sensor, directed_of, sensor_point
 
 
@@ -28,17 +28,14 @@ def read_effects(
     """
     out: list[Effect] = []
     names = {e.name for e in model.effects}
-    tables = [(t, _is_change(top, t)) for t in top.tables("effects")]
+    tables = [(t, _is_change(top, t)) for t in (*_forms_in(top), *top.tables("effects"))]
     for t, change in sorted(tables, key=lambda pair: pair[1]):
         if change:
             model, out = _with_all(model, out), []
         name = t.text("candidate")
         with t.at("candidate"):
             effect = candidate_named(name, model, sensors, excitations)
-        values = {p.name: t.number(p.name, p.value) for p in effect.parameters()}
-        for p in effect.parameters():
-            if p.name in t.values:
-                _within(t, p.name, values[p.name], p)
+        values = _values_in(t, effect)
         if isinstance(effect, AmplitudeDependent):
             effect = replace(
                 effect, amplitude=t.number("amplitude", effect.amplitude, above=0, unit="m or rad")
@@ -54,6 +51,12 @@ def read_effects(
         else:
             out.append(effect)
     return _with_all(model, out)
+
+
+def _forms_in(top: StudyTable) -> list[StudyTable]:
+    """Return ``[fitted_form]``, the form of sections and connections by candidate, as tables of effects."""
+    named = top.table("fitted_form").named()
+    return [StudyTable(t.source, t.path, {"candidate": name} | t.values) for name, t in named]
 
 
 def _with_all(model: Model, effects: Sequence[Effect]) -> Model:
@@ -92,26 +95,46 @@ def read_values(top: StudyTable, model: Model) -> Model:
         known = {e.name: e for e in model.effects}
         if name not in known:
             t.refuse("", f"the model has no effect '{name}'; {suggest(name, known)}")
-        parameters = {p.name: p for p in known[name].parameters()}
-        values = {}
+        forms = _forms(known[name])
         for key in t.values:
-            if key not in parameters:
-                t.refuse(key, f"effect '{name}' has no such parameter; {suggest(key, parameters)}")
-            values[key] = _within(t, key, t.number(key), parameters[key])
+            if key not in forms:
+                t.refuse(key, f"effect '{name}' has no such parameter; {suggest(key, forms)}")
+        values = _values_in(t, known[name])
         model = model.with_values({(name, key): value for key, value in values.items()})
     return model
 
 
-def _within(t: StudyTable, key: str, value: float, p: Parameter) -> float:
-    """Return a value; refuse one beyond its parameter's bounds."""
-    if not p.lower <= value <= p.upper:
-        t.refuse(key, _beyond(value, p))
-    return value
+def _forms(effect: Effect) -> dict[str, tuple[Parameter, Parameter]]:
+    """Return the names under which an effect takes values: a parameter's form of that name, and itself."""
+    own = effect.parameters()
+    known = {p.name: (p, p) for p in own}
+    return {r.name: (r, p) for p in own if (r := p.reciprocal) is not None} | known
 
 
-def _beyond(value: float, p: Parameter) -> str:
-    unit = "" if p.unit == "-" else f" {p.unit}"
-    return f"{value:g}{unit} is not between {p.lower:g} and {p.upper:g}{unit}"
+def _values_in(t: StudyTable, effect: Effect) -> dict[str, float]:
+    """Return the values of a table by the names of an effect's parameters."""
+    values: dict[str, float] = {}
+    for key, (form, p) in _forms(effect).items():
+        if key in t:
+            with t.at(key):
+                values[p.name] = _own_value(form, p, t.number(key), values)
+    return values
+
+
+def _own_value(form: Parameter, p: Parameter, value: float, others: Mapping[str, float]) -> float:
+    """Return a parameter's value from that of one of its forms, within its bounds and given once."""
+    if p.name in others:
+        msg = f"'{form.name}' is 1/{_other_form(form, p)}, which is given too; one of them is needed"
+        raise ModelError(msg)
+    if not form.lower <= value <= form.upper:
+        unit = "" if form.unit == "-" else f" {form.unit}"
+        msg = f"{value:g}{unit} is not between {form.lower:g} and {form.upper:g}{unit}"
+        raise ModelError(msg)
+    return value if form is p else inverse(value)
+
+
+def _other_form(form: Parameter, p: Parameter) -> str:
+    return p.name if form is not p or p.reciprocal is None else p.reciprocal.name
 
 
 def candidate_named(
@@ -140,14 +163,15 @@ def candidate_named(
 def with_given_values(effect: Effect, values: Mapping[str, float]) -> Effect:
     """Return an effect with values for some of its parameters, by name.
 
-    An effect that depends on amplitude takes ``amplitude`` [m or rad], too.
+    A stiffness may be given as ``compliance``, and the other way round. An effect that depends on amplitude
+    takes ``amplitude`` [m or rad], too.
 
     Raises
     ------
     ModelError
         If it has no such parameter, or a value is no number or is beyond the bounds.
     """
-    known = {p.name: p for p in effect.parameters()}
+    forms, own = _forms(effect), {}
     new = dict(values)
     if isinstance(effect, AmplitudeDependent) and "amplitude" in new:
         amplitude = _finite(effect, "amplitude", new.pop("amplitude"))
@@ -156,23 +180,26 @@ def with_given_values(effect: Effect, values: Mapping[str, float]) -> Effect:
             raise ModelError(msg)
         effect = replace(effect, amplitude=amplitude)
     for key, value in new.items():
-        if key not in known:
-            msg = f"'{effect.name}' has no parameter '{key}'; {_allowed(known.values())}"
+        if key not in forms:
+            msg = f"'{effect.name}' has no parameter '{key}'; {_allowed(form for form, _ in forms.values())}"
             raise ModelError(msg)
-        new[key] = _finite(effect, key, value)
-        if not known[key].lower <= new[key] <= known[key].upper:
-            msg = f"'{effect.name}': {key} = {_beyond(new[key], known[key])}"
-            raise ModelError(msg)
-    return effect.with_values(**new) if new else effect
+        form, p = forms[key]
+        number = _finite(effect, key, value, form.upper if form is not p else np.nan)
+        try:
+            own[p.name] = _own_value(form, p, number, own)
+        except ModelError as reason:
+            msg = f"'{effect.name}': {key} = {reason}"
+            raise ModelError(msg) from reason
+    return effect.with_values(**own) if own else effect
 
 
-def _finite(effect: Effect, key: str, value: Any) -> float:
-    """Return a value as a number that is finite."""
+def _finite(effect: Effect, key: str, value: Any, most: float = np.nan) -> float:
+    """Return a value as a number that is finite, or the most, which may be that of a rigid connection."""
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = np.nan
-    if not np.isfinite(number):
+    if not np.isfinite(number) and number != most:
         msg = f"'{effect.name}': {key} is '{value}'; a finite number is needed"
         raise ModelError(msg)
     return number
@@ -209,10 +236,10 @@ def effect_table(effect: Effect, candidate: str, name: str = "", *, since_baseli
     """
     values: dict[str, Any] = {"candidate": candidate} | ({"name": name} if name else {})
     values |= {"since_baseline": True} if since_baseline else {}
-    values |= {p.name: _written(float(p.value)) for p in effect.parameters()}
+    values |= written_values(effect)
     if isinstance(effect, AmplitudeDependent):
         values["amplitude"] = float(effect.amplitude)
-    return toml_table("[[effects]]", values)
+    return toml_table("[[effects]]", rounded(values))
 
 
 def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]) -> Instruments:
@@ -227,6 +254,7 @@ def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[
     return Instruments(points[0], axes[0], points[1], axes[1])
 
 
-def _written(value: float) -> float:
-    """Return a value as a study file may hold it: no quantity is as small as rounding leaves of zero."""
-    return 0.0 if abs(value) < LEAST else value
+def written_values(effect: Effect) -> dict[str, float]:
+    """Return an effect's values as a study file holds them: no quantity is what rounding leaves of zero."""
+    values = {p.name: float(p.value) for p in effect.parameters()}
+    return {name: 0.0 if abs(v) < LEAST else rounded(v) for name, v in values.items()}

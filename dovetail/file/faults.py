@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.file.table import StudyTable, suggest
-from dovetail.file.toml import toml_table
+from dovetail.file.toml import rounded, toml_table
 from updating.measurement.measurement import Sensor
 from updating.quality.corrections import CHANNELS, FAULTS, Fault
 
@@ -75,7 +75,7 @@ def fault_table(fault: Fault) -> str:
         values["towards"] = list(fault.direction)
     if fault.shift:
         values["shift"] = list(fault.shift)
-    return toml_table("[[faults]]", values)
+    return toml_table("[[faults]]", rounded(values))
 
 
 def as_mounted(channels: Sequence[Sensor], of: str, faults: Sequence[Fault]) -> tuple[Sensor, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.toml import toml_comment, toml_key, toml_table, toml_value
+from dovetail.file.toml import CONVERTED_DIGITS, rounded, toml_comment, toml_key, toml_table, toml_value
 from fem.effects.added_mass import AddedMass
 from fem.effects.distributed_mass import DistributedMass
 from fem.effects.joint import Joint
@@ -212,24 +212,25 @@ def tables_of(model: Model, damping: Damping | None) -> str:
         + ("\nfree_points = true # nodes on no bar, which masses, joints and links hold" if lone else "")
     ]
     blocks += [
-        f"[materials.{toml_key(m.name)}]\nE = {_in_giga(m.E)}\nrho = {m.rho!r}\nnu = {m.nu!r}"
-        + (f"\nloss_factor = {m.loss_factor!r}" if m.loss_factor else "")
+        _converted(
+            f"[materials.{toml_key(m.name)}]",
+            {"E": m.E, "rho": m.rho, "nu": m.nu} | ({"loss_factor": m.loss_factor} if m.loss_factor else {}),
+        )
         for m in frame.materials.values()
     ]
     sections, members = _members(mesh, frame.members, layers)
-    blocks += [toml_table(f"[sections.{toml_key(name)}]", _section(s)) for name, s in sections.items()]
-    blocks += [toml_table(header, values) for header, values in members]
+    blocks += [_converted(f"[sections.{toml_key(name)}]", _section(s)) for name, s in sections.items()]
+    blocks += [_converted(header, values) for header, values in members]
     names = {point: name for name, point in mesh.point_names.items()}
     for effect in model.effects:
-        blocks += [toml_table(f"[[{header}]]", values) for header, values in _tables(effect, mesh, names)]
+        blocks += [_converted(f"[[{header}]]", values) for header, values in _tables(effect, mesh, names)]
     blocks.append(_damping(damping))
     return "\n".join(block.rstrip("\n") + "\n" for block in blocks)
 
 
-def _in_giga(value: float) -> str:
-    """Return a modulus as 210e9, unless that is another number."""
-    giga = f"{value / 1e9:.12g}"
-    return f"{giga}e9" if "e" not in giga and float(f"{giga}e9") == value else repr(value)
+def _converted(header: str, values: Values) -> str:
+    """Return a table without the last digits of numbers, in which conversions of units err."""
+    return toml_table(header, rounded(values, CONVERTED_DIGITS))
 
 
 def _members(
@@ -241,7 +242,7 @@ def _members(
     group_of = {member: group for group, parts in mesh.groups.items() for member in parts}
 
     def named(section: Section, name: str) -> str:
-        key = repr(_section(section))
+        key = repr(rounded(_section(section), CONVERTED_DIGITS))
         if key not in known:
             known[key] = free_name(name, name, sections)
             sections[known[key]] = section
@@ -306,7 +307,7 @@ def _section(s: Section) -> Values:
     if s.shape:
         shape = Section.of_shape(s.shape, **s.dimensions)
         if np.allclose([getattr(s, k) for k in keys], [getattr(shape, k) for k in keys], rtol=1e-13, atol=0):
-            return {"shape": s.shape, **s.dimensions}
+            return {"shape": s.shape, **{k: v for k, v in s.dimensions.items() if v or k != "nu"}}
     out = {k: getattr(s, k) for k in keys}
     if abs(s.Ip - s.Iy - s.Iz) <= 1e-13 * s.Ip:
         del out["Ip"]

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.effects import effect_table
+from dovetail.file.effects import effect_table, written_values
 from dovetail.file.lines import Path, Places, places_of
-from dovetail.file.toml import toml_key, toml_table, with_values, without
+from dovetail.file.toml import FITTED_DIGITS, rounded, toml_key, toml_table, with_values, without
 from fem.model import DIRECTIONS, Damping, Effect, Model, ParameterRef, parameter_values
 
 Tree = Mapping[str, Any]
@@ -26,7 +26,7 @@ def with_parameters(text: str, values: Mapping[ParameterRef, float]) -> str:
     tree, places = tomllib.loads(text), places_of(text)
     changes: dict[Path, Any] = {}
     rest: dict[str, dict[str, float]] = {}
-    for (effect, name), value in values.items():
+    for (effect, name), value in rounded(values).items():
         spots = _spots(effect, name, tree, places)
         if spots:
             changes |= dict.fromkeys(spots, value)
@@ -60,6 +60,8 @@ def _spots(effect: str, name: str, tree: Tree, places: Places) -> list[Path]:
     if effect == "frame" and ":" in name:
         key, material = name.split(":", 1)
         return [p for p in [("materials", material, key)] if p in known]
+    if (form := ("fitted_form", effect.removeprefix("known "))) in known:
+        return [(*form, name)]
     for i, one in enumerate(_tables(tree, "effects")):
         if effect == one.get("name", f"known {one.get('candidate', '')}"):
             return [("effects", i, name)]  # also where it is left at its default
@@ -113,16 +115,18 @@ def with_damping(text: str, damping: Damping, connections: tuple[np.ndarray, np.
         changes["damping", "connections"] = dict(zip(("frequency", "ratio"), connections, strict=True))
     known = places_of(text)
     text = without(text, ("damping", "file"), *(p for p in changes if p in known.headers))
-    return with_values(text, changes)
+    return with_values(text, rounded(changes))
 
 
 def with_effects(text: str, effects: Sequence[Effect], *, since_baseline: bool = False) -> str:
-    """Return a study's text with effects that were found, as ``[[effects]]``.
+    """Return a study's text with effects that were found: ``[[effects]]``, those of its form in one table.
 
     One that gives a known effect of the text another value changes that, unless it has come since the
     baseline, before which the known one has its value.
     """
-    for effect in effects:
+    forms = {e.name.removeprefix("known "): written_values(e) for e in effects if e.is_form}
+    text = with_values(text, {("fitted_form", name): values for name, values in forms.items()})
+    for effect in (e for e in effects if not e.is_form):
         candidate = effect.name.removeprefix("known ")
         entries = _tables(tomllib.loads(text), "effects")
         names = [e.get("name", f"known {e['candidate']}") for e in entries]
@@ -132,7 +136,7 @@ def with_effects(text: str, effects: Sequence[Effect], *, since_baseline: bool =
         same = [i for i in same if entries[i].get("since_baseline", False) == since_baseline]
         if instead and {i for i, _ in instead} <= set(same) and instead[0][1] in values:
             i, key = instead[0]
-            text = with_values(text, {("effects", i, key): float(values[key])})
+            text = with_values(text, {("effects", i, key): rounded(float(values[key]))})
             continue
         name = f"known {candidate}"
         number = 2
@@ -145,7 +149,7 @@ def with_effects(text: str, effects: Sequence[Effect], *, since_baseline: bool =
 
 
 def with_element_sizes(text: str, sizes: Mapping[str, float]) -> str:
-    """Return a study's text with the sizes of elements that it leaves open [m].
+    """Return a study's text with the sizes of elements that it leaves open [m], rounded up.
 
     So the mesh stays when moduli and densities change, by which sizes are chosen otherwise.
 
@@ -157,6 +161,8 @@ def with_element_sizes(text: str, sizes: Mapping[str, float]) -> str:
     """
     if not sizes:
         return text
+    # a smaller size could make one element more
+    sizes = {m: rounded(size * (1 + 0.5 * 10.0 ** (1 - FITTED_DIGITS))) for m, size in sizes.items()}
     if len(set(sizes.values())) == 1:
         return with_values(text, {("mesh", "element_size"): next(iter(sizes.values()))})
     places = places_of(text)

@@ -148,8 +148,14 @@ class Candidates(tuple[Effect, ...]):
 
 
 def parameter_text(p: Parameter) -> str:
-    """Return a parameter with its value, its bounds and its unit: ``mass 0.04 kg (0 to 38)``."""
-    return f"{p.name} {quantity(p.value, p.unit)} ({p.lower:.4g} to {p.upper:.4g})"
+    """Return a parameter with its value, its bounds and its unit: ``mass 0.04 kg (0 to 38)``.
+
+    That of a spring in both forms, of which either may be given.
+    """
+    forms = (p,) if p.reciprocal is None else (p, p.reciprocal)
+    return " or ".join(
+        f"{f.name} {quantity(f.value, f.unit)} ({f.lower:.4g} to {f.upper:.4g})" for f in forms
+    )
 
 
 def parameters_text(parameters: Iterable[Parameter]) -> str:

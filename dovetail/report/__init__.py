@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from dovetail.report.outline import OutlinePicture, read_outline
     from dovetail.report.page import Markup, html, join, report_page, tag
     from dovetail.report.pictures import draw_all
-    from dovetail.report.probable import label_of, probability_text
+    from dovetail.report.probable import label_of, probability_details, probability_text
     from dovetail.report.report import report_html
     from dovetail.report.sections.assumptions import thresholds
     from dovetail.report.sections.mode_shapes import mode_heading, partner_shapes, quadrature_shapes
     from dovetail.report.shown import Shown
     from dovetail.report.table import Column, Table, write_csv, write_xlsx
-    from dovetail.report.words import departure_text, fitted_text, headline, level_label, parameter_text
+    from dovetail.report.words import departure_text, fitted_text, headline, parameter_text
 else:
     __getattr__, __dir__ = names_on_use(__name__)
 
@@ -40,7 +40,6 @@ __all__ = [
     "html",
     "join",
     "label_of",
-    "level_label",
     "magnitude_title",
     "make_all",
     "marked_places",
@@ -49,6 +48,7 @@ __all__ = [
     "pair_errors",
     "parameter_text",
     "partner_shapes",
+    "probability_details",
     "probability_text",
     "quadrature_shapes",
     "read_outline",

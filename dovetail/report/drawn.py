@@ -23,6 +23,9 @@ from viz.interactive.solids import MarkedPlace
 WITH_EFFECT, WITH_EFFECTS = "with the effect", "with the effects"
 """Names of the curves of the last step."""
 
+LEAST_SHARE = 0.005
+"""Shares of the misfit that are shown: those that do not round to 0 % [-]."""
+
 FRF_ERROR = (
     "Relative error of all FRFs together over frequency; 0 dB is an error as large as the response itself."
 )
@@ -130,7 +133,8 @@ def marked_places(result: RunResult[Verdict]) -> list[MarkedPlace]:
                 here.append((where, label, role))
 
     for effect in d.found:
-        mark(effect.locations(model)[:6], effect.where, effect.kind.replace("_", " "), "finding")
+        label = f"{effect.kind.replace('_', ' ')}\n{words.place(effect.where.thing)}"
+        mark(effect.locations(model)[:6], effect.where, label, "finding")
     for differs in d.departures:
         label = words.departure_label(differs)
         mark(differs.effect.locations(model)[:1], differs.where, label, "finding")
@@ -147,12 +151,22 @@ def marked_places(result: RunResult[Verdict]) -> list[MarkedPlace]:
     ]
 
 
+def failing_members(where: Localisation) -> dict[str, float]:
+    """Return members with their shares of the misfit [%]."""
+    return {member: 100 * share for member, share in where.members.items()}
+
+
 def failing_places(where: Localisation) -> list[tuple[MarkedPlace, float]]:
-    """Return joints and supports with their shares of the misfit, the largest at each point."""
+    """Return joints and supports with their shares of the misfit [%], the largest at each point.
+
+    Without those whose share is less than any that is listed.
+    """
     out: dict[tuple[float, ...], tuple[MarkedPlace, float]] = {}
     for name, share in where.places:
+        if share < LEAST_SHARE:
+            continue
         for xyz in where.points[name]:
-            out.setdefault(tuple(np.round(xyz, 9)), (MarkedPlace(xyz, name, words.place(name)), share))
+            out.setdefault(tuple(np.round(xyz, 9)), (MarkedPlace(xyz, name, words.place(name)), 100 * share))
     return list(out.values())
 
 

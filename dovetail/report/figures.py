@@ -15,6 +15,7 @@ from dovetail.report.drawn import (
     WITH_EFFECT,
     compared_models,
     error_bands,
+    failing_members,
     failing_places,
     fits_of,
     frf_error,
@@ -114,7 +115,7 @@ def _misfit(result: FrfResult) -> Figure | None:
         result.study.model,
         m.sensors,
         errors=_sensor_errors(result, step),
-        members=dict(where.members) if where.says_where else None,
+        members=failing_members(where) if where.says_where else None,
         joints=failing_places(where) if where.says_where else (),
     )
 

@@ -11,6 +11,7 @@ from dovetail.report.drawn import (
     FRF_ERROR,
     compared_models,
     error_bands,
+    failing_members,
     failing_places,
     fits_of,
     frf_error,
@@ -26,7 +27,6 @@ from dovetail.report.drawn import (
 from dovetail.report.sections import measured_modes, rounds, staircase
 from dovetail.report.sections.mode_shapes import mode_heading, shapes_of
 from dovetail.result import FrfResult, RunResult, has_frfs
-from updating.diagnosis.diagnosis import FAULT, NOTHING
 from updating.diagnosis.fitted_modes import FittedModePair
 from updating.diagnosis.verdict import Verdict
 from viz import curves, heat_maps
@@ -88,7 +88,7 @@ def _draw_errors(result: FrfResult, album: Album) -> None:
         album.plot(f"misfit-bands-{name}", alt, f"{caption}.", heat_maps.error_map, *shown, limits=limits)
     for k, ranked in enumerate(d.rounds):
         if ranked:
-            alt = f"Residual level that each of {len(ranked)} candidates leaves in round {k + 1}."
+            alt = f"Error that each of {len(ranked)} candidates leaves in round {k + 1}."
             album.plot(f"ranking-{k + 1}", alt, rounds.caption(d, k), rounds.figure, d, k)
 
 
@@ -125,7 +125,11 @@ def _draw_structure(result: RunResult[Verdict], album: Album) -> None:
     model, (sensors, forces) = result.study.model, test_of(result)
     marks = [(p.point, p.label) for p in marked_places(result) if p.role != "candidate"]
     many = test_in_words(result)
-    many += f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}" if marks else ""
+    many += (
+        f"; marked: {', '.join(dict.fromkeys(label for _, label in marks))}".replace("\n", " at ")
+        if marks
+        else ""
+    )
     album.add(
         "structure",
         f"The structure{many}.",
@@ -142,15 +146,14 @@ def _draw_misfit(result: FrfResult, album: Album) -> None:
         np.array([getattr(s, key) for s in m.sensors]) for key in ("point", "direction", "name")
     )
     before = result.comparisons[misfit_steps(result)[0][1]].by_sensor()
-    good = result.diagnosis.verdict in (NOTHING, FAULT)
-    limits = (0.0 if good else float(np.nanmin(before)), float(np.nanmax(before)))
+    limits = 0.0, float(np.nanmax(before))
     where = result.localisation
     telling = where is not None and where.says_where
-    shares, joints = (dict(where.members), failing_places(where)) if where and telling else ({}, [])
+    shares, joints = (failing_members(where), failing_places(where)) if where and telling else ({}, [])
     shown = {
         "joints": [(place.point, v) for place, v in joints],
         "label": "error [dB]",
-        "members_label": "share of the misfit [-]",
+        "members_label": "share of the misfit [%]",
         "limits": limits,
     }
     for name, step, what in misfit_steps(result):

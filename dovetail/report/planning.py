@@ -125,7 +125,7 @@ def _uncertain(plan: Plan, refs: Sequence[ParameterRef]) -> str:
 
 
 PERCENT = "{:.0f} %".format
-MOST_TWINS, MOST_BLIND = 6, 3
+MOST_TWINS, MOST_BLIND = 4, 2
 """Largest numbers of indistinguishable pairs, and of blind places of a kind, that are printed."""
 SHARES = ("seen", "located", "named")
 EXCLUDED = (
@@ -206,9 +206,9 @@ def twin_text(outlook: Outlook, rival: Effect) -> str:
 
 
 def blind_lines(plan: Plan) -> list[str]:
-    """Return where relevant effects are not seen, by kind: the first places of each."""
-    out = []
-    for (kind, _), every in plan.kinds.items():
+    """Return where relevant effects are not seen: the kinds seen nowhere, and the first places of others."""
+    out, nowhere = [], []
+    for kind, every in named_kinds(plan):
         there: dict[str, list[bool]] = {}
         for o in every:
             site = o.relevant.where
@@ -220,9 +220,11 @@ def blind_lines(plan: Plan) -> list[str]:
             if not all(seen)
         ]
         more = [f"and {len(places) - MOST_BLIND} more of {len(there)}"] * (len(places) > MOST_BLIND)
-        if places:
-            out.append(f"{kind.replace('_', ' ')}: {'; '.join([*places[:MOST_BLIND], *more])}")
-    return out
+        if not any(o.seen for o in every):
+            nowhere.append(kind)
+        elif places:
+            out.append(f"{kind}: {'; '.join([*places[:MOST_BLIND], *more])}")
+    return [f"nowhere: {', '.join(nowhere)}"] * bool(nowhere) + out
 
 
 def plan_dict(plan: Plan) -> dict[str, Any]:

@@ -31,32 +31,40 @@ def without(posterior: Posterior, names: Collection[str]) -> tuple[Collection[st
 
 
 def probability_text(d: Verdict) -> str:
-    """Return how probable it is that the effects found are missing, and that no other is besides.
+    """Return how probable the verdict is: that all effects found are missing, alone or with others.
 
     Empty where the search gives no probabilities, or was ended before it could.
     """
-    posterior, found = d.posterior, d.found
-    if d.verdict == UNFINISHED:
-        return ""
-    exact = exactly(posterior, [e.name for e in found])
+    exact = None if d.verdict == UNFINISHED else exactly(d.posterior, [e.name for e in d.found])
     if exact is None:
         return ""
     if d.verdict == UNEXPLAINED:
-        outside = percent(included(posterior, [UNKNOWN]))
+        outside = percent(included(d.posterior, [UNKNOWN]))
         return f"Probability of a cause that the library does not have: {outside}"
-    if not found:
-        return f"Probability among all hypotheses: {percent(exact)}{_besides_text(d)}"
-    shares = [percent(included(posterior, with_extensions(e, d.candidates))) for e in found]
-    if len(found) == 1:
-        text = f"Probability of this effect, alone or with others: {shares[0]}; alone: {percent(exact)}"
-    else:
-        each = (f"{effect_label(e.kind, e.where)} {p}" for e, p in zip(found, shares, strict=True))
-        text = f"Probability of each effect: {'; '.join(each)}; of exactly these effects: {percent(exact)}"
-    here = next(p for known, p in posterior if set(known) == {e.name for e in found})
-    if here < exact:
-        text += f"; at this position: {percent(here)}"
-    text += _besides_text(d)
-    return f"{text}. {vague}" if (vague := vague_text(d)) else text
+    if not d.found:
+        return f"Probability among all hypotheses: {percent(exact)}"
+    kinds = [set(with_extensions(e, d.candidates)) for e in d.found]
+    every = sum(float(p) for known, p in d.posterior if all(some & set(known) for some in kinds))
+    which = "this effect" if len(d.found) == 1 else "these effects"
+    return f"Probability of {which}, alone or with others: {percent(every)}"
+
+
+def probability_details(d: Verdict) -> str:
+    """Return further probabilities: of exactly this answer, of its parts, and of a more probable one."""
+    if not probability_text(d) or d.verdict == UNEXPLAINED:
+        return ""
+    parts: list[str] = []
+    exact = exactly(d.posterior, [e.name for e in d.found]) or 0.0
+    if len(d.found) > 1:
+        shares = ((e, included(d.posterior, with_extensions(e, d.candidates))) for e in d.found)
+        parts += [f"{effect_label(e.kind, e.where)}: {percent(p)}" for e, p in shares]
+    if d.found:
+        parts.append(f"{'alone' if len(d.found) == 1 else 'exactly these effects'}: {percent(exact)}")
+        here = next(p for known, p in d.posterior if set(known) == {e.name for e in d.found})
+        parts += [f"at this position: {percent(here)}"] if here < exact else []
+    parts += [besides] if (besides := _besides_text(d)) else []
+    text = "; ".join(parts)
+    return ". ".join(filter(None, (text[:1].upper() + text[1:], vague_text(d))))
 
 
 def _besides_text(d: Verdict) -> str:
@@ -68,7 +76,7 @@ def _besides_text(d: Verdict) -> str:
         other = f"with {label_of(d, [n for n in names if n not in found])} in addition"
     else:
         other = label_of(d, names)
-    text = f"; {other}: {percent(p)}"
+    text = f"{other}: {percent(p)}"
     close = p < math.exp(TWIN_NATS) * (exactly(d.posterior, found) or 0.0)
     return f"{text}, too close to decide, so the simpler answer is reported" if close else text
 

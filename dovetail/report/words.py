@@ -5,9 +5,11 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, axis_text, by_frfs
 from fem.declarations import Site
-from fem.model import DIRECTIONS, Effect, Model, Parameter
+from fem.model import DIRECTIONS, Effect, Model, Parameter, inverse, reciprocal_form
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
 from updating.diagnosis.departures import Departure
@@ -20,8 +22,6 @@ from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
-_STIFFNESS = {"rad/(N·m)": "N·m/rad", "m/N": "N/m"}
-"""Units of stiffnesses by those of compliances."""
 _DIRECTION = re.compile(r", (r?)([xyz])$")
 _DIRECTIONS = re.compile(r", (r?)([xyz])\b(?![\w.])")
 _MANY = re.compile(r"\b(supports|joints|members) ([^,]+(?:, [^,]+){2,}), (?!about|along)([^,]+)")
@@ -47,11 +47,6 @@ def directions(text: str) -> str:
 def effect_label(kind: str, where: str) -> str:
     """Return an effect in words, such as ``joint stiffness: joint J, about x``."""
     return f"{kind.replace('_', ' ')}: {place(where)}"
-
-
-def level_label(d: Diagnosis) -> str:
-    """Return the label of an axis of residual levels; amplitudes have no phase."""
-    return f"residual level, {frf_parts(d).lower()} [dB]"
 
 
 def frf_parts(d: Diagnosis) -> str:
@@ -101,19 +96,23 @@ def with_unit(value: float, unit: str, std: float = math.nan, like: float | None
 
 
 def as_stiffness(p: EffectParameter) -> EffectParameter:
-    """Return a compliance as the stiffness 1/c, with the standard deviation s/c²; others as they are."""
-    if p.unit not in _STIFFNESS:
-        return p
-    stiffness = 1 / p.value if p.value else math.inf
-    std = p.std * stiffness**2 if p.value else math.nan
-    return replace(p, name="stiffness", value=stiffness, unit=_STIFFNESS[p.unit], std=std)
+    """Return a compliance as a stiffness; others as they are."""
+    other = reciprocal(p) if p.name == "compliance" else None
+    return p if other is None else other
+
+
+def reciprocal(p: EffectParameter) -> EffectParameter | None:
+    """Return a parameter x as 1/x with the standard deviation s/x²; None where it has no such form."""
+    form = reciprocal_form(p.name, p.unit)
+    if form is None:
+        return None
+    std = p.std / p.value**2 if p.value and math.isfinite(p.value) else math.nan
+    return replace(p, name=form[0], value=inverse(p.value), unit=form[1], std=std)
 
 
 def absent_value(p: Parameter) -> float:
     """Return the value at which a parameter's effect is absent, that of a compliance as a stiffness."""
-    if p.unit not in _STIFFNESS:
-        return p.absent
-    return 1 / p.absent if p.absent else math.inf
+    return inverse(p.absent) if p.name == "compliance" else p.absent
 
 
 def fitted_text(p: EffectParameter) -> str:
@@ -191,6 +190,24 @@ def finding_text(finding: Finding) -> str:
     known = {p.name: p for p in finding.effect.parameters()}
     values = ", ".join(parameter_text(p, known.get(p.name)) for p in finding.parameters)
     return f"{effect_label(finding.effect.kind, finding.effect.where)}, {values}"
+
+
+def spot_text(effect: Effect, model: Model) -> str:
+    """Return node, coordinates and global axis of an effect at one place; empty of one at several or none.
+
+    Such as ``at node 6, (1.2, 0.35, 0) m, about global x``.
+    """
+    points, mesh = effect.locations(model), model.mesh
+    if len(points) != 1:
+        return ""
+    (place,) = points
+    near = {n: float(np.linalg.norm(mesh.points[k] - place)) for n, k in mesh.point_names.items()}
+    name = min(near, key=near.__getitem__, default="")
+    named = name and near[name] <= 1e-6 * float(np.ptp(mesh.points, axis=0).max())
+    at = ", ".join(f"{x:.4g}" for x in np.round(place, 6) + 0.0).replace("-", "−")
+    text = f"at {name}, ({at}) m" if named else f"at ({at}) m"
+    axis = effect.global_axis(model)
+    return text if axis is None else f"{text}, about global {axis_text(axis).lstrip('+−')}"
 
 
 def added_text(effect: Effect, fit: FitResult | None) -> str:
@@ -386,7 +403,10 @@ def _since(text: str, change: bool) -> str:
 
 def values_found(d: Verdict) -> list[str]:
     """Return the effects found with their values, a line each."""
-    lines = [finding_text(f) for f in d.findings]
+    spots = (spot_text(f.effect, d.model) for f in d.findings)
+    lines = [
+        finding_text(f) + (f"; {spot}" if spot else "") for f, spot in zip(d.findings, spots, strict=True)
+    ]
     if not lines or not is_open(d):
         return lines
     first = d.reported is d.explanations[0]

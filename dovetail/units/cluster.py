@@ -189,7 +189,7 @@ def cluster_pool(scheduler: str) -> Iterator[ClusterPool]:
     try:
         from distributed import Client
     except ImportError:
-        msg = "--scheduler needs Dask; install it with pip install distributed"
+        msg = "--scheduler needs Dask; install it with python -m pip install distributed"
         raise PoolError(msg) from None
     logging.getLogger("distributed.client").setLevel(logging.ERROR)
     where: dict[str, Any] = {"scheduler_file" if scheduler.endswith(".json") else "address": scheduler}

@@ -6,13 +6,14 @@ from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.effects.on_member import OnMember
-from fem.effects.places import elements_of, parameters_of, sheared_frame
+from fem.effects.places import elements_of, frame_of, parameters_of, sheared_frame
 from fem.effects.section_shear import SectionShear
 from fem.elements.cut import cut
 from fem.elements.inner_place import InnerPlace, inner_place
-from fem.model import Contribution, Effect, Model, ParameterRef, dofs_of
+from fem.model import DIRECTIONS, Contribution, Effect, Model, ParameterRef, dofs_of
 from fem.recent import Unsent
 
 _CHANGES = 64
@@ -50,6 +51,11 @@ class GivesWay(OnMember):
     def line(self, model: Model) -> int:
         """Return the line of the mesh that gives way."""
         return model.mesh.locate(self.member, float(np.real(self.place(model)))).line
+
+    def global_axis(self, model: Model) -> NDArray[np.float64]:
+        """Return the axis about which it turns."""
+        axes = frame_of(model).rotations(model.mesh, [self.line(model)])[0]
+        return axes[DIRECTIONS.index(self.direction) - 3]
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness that one element loses, and its mass that follows the kink.

@@ -46,6 +46,7 @@ class SectionShear(Effect):
     kind: ClassVar[str] = "section_shear"
     role: ClassVar[Role] = Role.STIFFNESS
     separable: ClassVar[bool] = True
+    is_marked: ClassVar[bool] = False
     name: str = "section_shear"
     groups: Mapping[str, tuple[str, ...]]
     directions: Mapping[str, tuple[str, ...]]

@@ -80,7 +80,7 @@ def load(file: Path) -> tuple[Any, str]:
 
 def _why(file: Path, reason: BaseException, log: io.StringIO) -> str:
     if isinstance(reason, ImportError):
-        return f"it needs the package {reason.name}: pip install {reason.name}, or write .vtu"
+        return f"it needs the package {reason.name}: python -m pip install {reason.name}, or write .vtu"
     text = "" if isinstance(reason, SystemExit) else f"{type(reason).__name__}: {reason}"
     words = " ".join(f"{text} {log.getvalue()}".split()).replace(str(file), file.name)
     hint = "; saving the mesh as .vtu is more reliable" if file.suffix.lower() == ".vtk" else ""

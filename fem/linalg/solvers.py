@@ -189,7 +189,7 @@ def _pardiso(A: Any) -> Factor:
         from pypardiso import PyPardisoSolver  # pyright: ignore[reportMissingImports]
         from pypardiso.pardiso_wrapper import PyPardisoError  # pyright: ignore[reportMissingImports]
     except ImportError as error:
-        msg = "PARDISO is not installed; install it with: pip install pypardiso (x86 machines only)"
+        msg = "PARDISO is not installed; install it with: python -m pip install pypardiso (x86 machines only)"
         raise ImportError(msg) from error
     _find_mkl(PyPardisoSolver)
     upper = sp.csr_matrix(sp.triu(A, format="csr"))

@@ -52,7 +52,7 @@ def warping_constants(outlines: Sequence[NDArray[np.float64]], nu: float, n_tria
         from shapely import Polygon
     except ModuleNotFoundError as error:
         msg = (
-            f"an arbitrary section needs the library sectionproperties ({error}): pip install "
+            f"an arbitrary section needs the library sectionproperties ({error}): python -m pip install "
             "sectionproperties, or give J, ky and kz yourself"
         )
         raise PropertyError(msg) from None

@@ -5,6 +5,12 @@ from dataclasses import replace
 import pytest
 
 
+@pytest.fixture
+def all_digits(monkeypatch):
+    """Let studies have all digits of fitted values, so that models can be compared to rounding errors."""
+    monkeypatch.setattr("dovetail.file.toml.FITTED_DIGITS", 17)
+
+
 @pytest.fixture(scope="session")
 def bent_file(tmp_path_factory):
     """Return the study file of the bent frame; tests write nothing into its folder."""

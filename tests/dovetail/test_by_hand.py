@@ -55,6 +55,25 @@ def test_three_ways_to_add_an_effect_give_the_same_error(file, study, capsys):
     assert command["noise_db"] == pytest.approx(python.error().noise_db, rel=1e-9)
 
 
+def test_a_stiffness_and_its_compliance_are_the_same_by_every_way_of_adding(file, study, capsys):
+    soft = {"position": 0.2, "compliance": 1 / 800}
+    error = study.add("crack:arm.ry", **soft).compare().total_db
+    assert error != pytest.approx(study.compare().total_db, rel=1e-3)
+    python = study.add("crack:arm.ry", stiffness=800, position=0.2)
+    assert python.compare().total_db == pytest.approx(error, rel=1e-9)
+    command = compared(capsys, file, "--add", "crack:arm.ry", "--set", "stiffness=800,position=0.2")
+    assert command["all_lines_db"] == pytest.approx(error, rel=1e-9)
+    edited = file.with_name("cracked.toml")
+    crack = '\n[[effects]]\ncandidate = "crack:arm.ry"\nstiffness = 800\nposition = 0.2\n'
+    edited.write_text(file.read_text(encoding="utf-8") + crack, encoding="utf-8")
+    assert compared(capsys, edited)["all_lines_db"] == pytest.approx(error, rel=1e-9)
+
+
+def test_an_infinite_stiffness_is_a_rigid_connection(study):
+    rigid = study.add("crack:arm.ry", stiffness=float("inf"), position=0.2)
+    assert rigid.compare().total_db == pytest.approx(study.compare().total_db, rel=1e-9)
+
+
 def test_the_error_is_least_with_the_hidden_mass_at_its_place(study):
     def error(mass, position):
         return study.add("point_mass:arm", mass=mass, position=position).compare().total_db
@@ -106,6 +125,11 @@ def test_the_printed_line_names_the_added_effect(file, capsys):
         (["--add", "point_mass:arm", "--set", "mass=heavy"], "mass is 'heavy'; a number is needed"),
         (["--add", "point_mass:arm", "--set", "mass=nan"], "a finite number is needed"),
         (["--add", "point_mass:arm", "--set", "mass"], "NAME=NUMBER is needed"),
+        (["--add", "crack:arm.ry", "--set", "stiffness=-1"], "stiffness = -1 N·m/rad is not between"),
+        (
+            ["--add", "crack:arm.ry", "--set", "stiffness=800,compliance=1e-3"],
+            "'compliance' is 1/stiffness, which is given too; one of them is needed",
+        ),
         (["--add", "point_mass:arm", "--set", "mass=1,mass=2"], "'mass' is given twice"),
         (["--add", "point_mass:arm", "--set", "mass=1", "--set", "mass=2"], "'mass' of 'point_mass:arm'"),
         (["--add", "point_mass:arm", "--add", "point_mass:arm"], "two effects have the name"),

@@ -1,5 +1,6 @@
 """The commands, as a user calls them."""
 
+import argparse
 import json
 import re
 import shutil
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from dovetail import load_study, main
+from dovetail.commands.argument_types import share
 from dovetail.report.page import page
 from fem import FRF, assemble, compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
@@ -20,6 +22,43 @@ from tests.studies import study_file
 from updating import sensor_rows
 
 COMMANDS = ("new", "check", "modes", "frf", "report", "identify-joint")
+
+
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("material = MAT1 # of the deck", 'texts stand in quotes: "MAT1"'),
+        ("file = mesh/frame.msh", 'texts stand in quotes: "mesh/frame.msh"'),
+        ("directions = [x, y]", 'texts stand in quotes: "x"'),
+        ("coupled = True", "TOML writes true"),
+        ('material = "steel', "a text needs its closing quote"),
+    ],
+)
+def test_texts_without_quotes_are_suspected(tmp_path, capsys, line, hint):
+    assert main(["check", str(study_file(tmp_path, f"{line}\n"))]) == 2
+    assert hint in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("text", "value"), [("1%", 0.01), ("1 %", 0.01), ("0.5 %", 0.005), ("0.01", 0.01)])
+def test_a_share_is_a_number_below_one_or_in_per_cent(text, value):
+    assert share(text) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["1", "5", "-1%", "1%%", "much"])
+def test_a_share_that_could_be_per_cent_is_refused(text):
+    with pytest.raises(argparse.ArgumentTypeError, match=r"such as 1% or 0\.01|a positive number"):
+        share(text)
+
+
+def test_the_desk_is_a_name_of_its_command(capsys):
+    assert main(["desk", "--help"]) == 0
+    assert "example:\n  dovetail open" in capsys.readouterr().out
+
+
+def test_a_picture_goes_into_a_folder_under_the_commands_name(portal, tmp_path):
+    lines = ["--start", "10", "--stop", "60", "--step", "5"]
+    assert main(["base", str(portal), *lines, "--picture", str(tmp_path), "--quiet"]) == 0
+    assert (tmp_path / "base.png").stat().st_size > 0
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +182,7 @@ def test_modes_of_an_unstable_structure(portal, tmp_path, capsys):
 
 @pytest.mark.usefixtures("offscreen")
 def test_pictures_of_modes(portal, tmp_path):
-    assert main(["modes", str(portal), "--number", "1", "--pictures", str(tmp_path / "p"), "--quiet"]) == 0
+    assert main(["modes", str(portal), "--number", "1", "--picture", str(tmp_path / "p"), "--quiet"]) == 0
     assert (tmp_path / "p" / "mode-01.png").stat().st_size > 1000
 
 

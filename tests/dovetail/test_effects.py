@@ -53,6 +53,7 @@ def candidates(study):
     return propose(model, test=Measurement(frf, study.sensors, study.excitations), levels=True)
 
 
+@pytest.mark.usefixtures("all_digits")
 def test_every_kind_comes_back_from_a_study_file(tmp_path):
     study = loaded(tmp_path, JOINTED)
     first = {}

@@ -1,5 +1,6 @@
 """``found.toml`` holds the model that a run reports: read again it is the same, whatever was found."""
 
+import re
 import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
@@ -85,6 +86,7 @@ STAND_INS = {"zone_form"}
 The values that do the same are found by iteration."""
 
 
+@pytest.mark.usefixtures("all_digits")
 @pytest.mark.parametrize("kind", sorted(set(candidate_kinds()) - {"joint_patch", "foot_shift"}))
 def test_the_reported_model_comes_back(tmp_path, kind):
     study = loaded(tmp_path, JOINTED)
@@ -108,6 +110,19 @@ def test_the_reported_model_comes_back(tmp_path, kind):
     again = response(back, found, lambda f: np.stack(2 * [back.damping.ratio_at(f)]))
     # of a system whose condition is 1e8 and more
     assert np.abs(again / same - 1).max() < (1e-6 if kind in STAND_INS else 1e-8)
+
+
+def test_a_study_that_was_found_has_seven_digits_and_its_form_in_one_table(tmp_path):
+    study = loaded(tmp_path, JOINTED)
+    each = one_of_each(study)
+    some = [generic(each[kind]) for kind in ("crack", "zone_form", "driver_form")]
+    result, _, _, _ = reported(study, some, tmp_path)
+    text = found_text(result, tmp_path)
+    numbers = re.findall(r"(?<![\w.])\d[\d.]*(?:e-?\d+)?", text)
+    assert max(len(n.partition("e")[0].replace(".", "").strip("0")) for n in numbers) == 7
+    values = tomllib.loads(text)
+    assert [e["candidate"].partition(":")[0] for e in values["effects"]] == ["crack"]
+    assert {name.partition(":")[0] for name in values["fitted_form"]} == {"zone_form", "driver_form"}
 
 
 def test_the_nominal_damping_of_a_fit_is_that_of_the_model(tmp_path):
@@ -199,6 +214,7 @@ NAMES = (
 )
 
 
+@pytest.mark.usefixtures("all_digits")
 @pytest.mark.parametrize("name", NAMES, ids=range(len(NAMES)))
 def test_names_survive(tmp_path, name):
     quoted = toml_value(name)
@@ -262,7 +278,7 @@ def test_values_without_a_place_have_a_table(tmp_path):
     )
     refs = [ref for ref in study.model.values() if ref[0] == "section_shear"]
     assert refs
-    values = {ref: 1.1 + 0.1 * k for k, ref in enumerate(refs)}
+    values = {ref: round(1.1 + 0.1 * k, 1) for k, ref in enumerate(refs)}
     text = with_parameters(study.text, values)
     again = loaded(tmp_path, text)
     assert {ref: again.model.values()[ref] for ref in refs} == values

@@ -117,7 +117,7 @@ def test_forces_and_stresses_of_free_expansion_are_printed_as_0(column, tmp_path
     case = printed(capsys, "static", column, "--json", "-")["cases"]["load"]
     assert any(case["members"]["column"]["N"])  # as computed
     assert max(map(abs, case["members"]["column"]["N"])) < case["rounding"]["force_N"] < 1e-3
-    assert main(["static", str(column), "--pictures", str(tmp_path / "pictures")]) == 0
+    assert main(["static", str(column), "--picture", str(tmp_path / "pictures")]) == 0
     lines = capsys.readouterr().out.splitlines()
     (held,) = (line.split()[1:] for line in lines if line.startswith("  A "))
     assert held == ["0"] * 6
@@ -187,10 +187,10 @@ def test_static_writes_a_field(column, tmp_path, capsys):
 def test_static_and_buckling_draw(column, tmp_path):
     folder = tmp_path / "pictures"
     column.write_text(with_shape(column.read_text(encoding="utf-8")), encoding="utf-8")
-    assert main(["static", str(column), "--case", "weight", "--pictures", str(folder), "--quiet"]) == 0
+    assert main(["static", str(column), "--case", "weight", "--picture", str(folder), "--quiet"]) == 0
     drawn = ("N", "deflection", "normal-stress", "von-mises-stress")
     assert sorted(p.name for p in folder.glob("*.png")) == [f"01-weight-{what}.png" for what in drawn]
-    arguments = ["--case", "weight", "--number", "1", "--pictures", str(folder), "--quiet"]
+    arguments = ["--case", "weight", "--number", "1", "--picture", str(folder), "--quiet"]
     assert main(["buckling", str(column), *arguments]) == 0
     assert [p.name for p in folder.glob("*.png")] == ["buckling-01.png"]
 
@@ -590,6 +590,4 @@ def test_what_symmetry_makes_zero_is_printed_as_zero(column, tmp_path, capsys):
 
 
 def test_pictures_go_to_a_folder(column, capsys):
-    assert "a folder is needed, such as modes" in refused(
-        capsys, "complex", column, "--pictures", "modes.png"
-    )
+    assert "a folder is needed, such as modes" in refused(capsys, "complex", column, "--picture", "modes.png")

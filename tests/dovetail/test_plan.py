@@ -330,9 +330,12 @@ def test_sizes_at_which_nothing_is_named_have_words(planned):
 def test_places_where_nothing_is_seen_are_listed_once(planned):
     blind = replace(planned, relevant=tuple(replace(o, seen=False) for o in planned.relevant))
     lines = planning.blind_lines(blind)
-    assert lines == [
-        "point mass: member post (13 of 13 positions); member arm (13 of 13 positions)",
-        "member stiffness: member post; member arm",
+    assert lines == ["nowhere: point mass, member stiffness"]
+    first, *others = blind.relevant
+    some = replace(blind, relevant=(replace(first, seen=True), *others))
+    assert planning.blind_lines(some) == [
+        "nowhere: member stiffness",
+        "point mass: member post (12 of 13 positions); member arm (13 of 13 positions)",
     ]
     assert (
         planning.blind_lines(replace(planned, relevant=tuple(replace(o, seen=True) for o in blind.relevant)))
@@ -345,12 +348,15 @@ def test_many_pairs_are_cut_short(planned, monkeypatch):
     plan = replace(planned, relevant=tuple(seen))
     n = len(plan.twins)
     assert n > 1
+    monkeypatch.setattr(planning, "MOST_TWINS", n)
     assert len(planning.twin_lines(plan)) == n
     monkeypatch.setattr(planning, "MOST_TWINS", 1)
     assert planning.twin_lines(plan)[-1] == f"and {n - 1} more"
     monkeypatch.setattr(planning, "MOST_BLIND", 1)
     blind = replace(planned, relevant=tuple(replace(o, seen=False) for o in planned.relevant))
-    assert planning.blind_lines(blind)[1] == "member stiffness: member post; and 1 more of 2"
+    first, *others = blind.relevant
+    some = replace(blind, relevant=(replace(first, seen=True), *others))
+    assert planning.blind_lines(some)[1] == "point mass: member post (12 of 13 positions); and 1 more of 2"
 
 
 # Nothing missing ------------------------------------------------------------------------------------------

@@ -151,7 +151,7 @@ def test_figures_show_the_diagnosis(found, live):
     assert list(shown.customdata) == [finding.effect.where]
     accepted = next(t for t in live.known["ranking-1"].data if t.name == "accepted")
     assert list(accepted.customdata) == [finding.effect.name]
-    assert accepted.x[0] + accepted.base[0] == pytest.approx(d.rounds[0][0].level * 20 / np.log(10))
+    assert accepted.x[0] + accepted.base[0] == pytest.approx(d.rounds[0][0].fit_db)
 
 
 def test_a_fault_is_marked_at_its_sensor(found):
@@ -202,7 +202,8 @@ def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
     sure = replace(found, diagnosis=replace(found.diagnosis, posterior=posterior))
     page = report_html(sure, Album(tmp_path), figures.make_all(sure))
     head, rest = page.split("<main", 1)
-    assert "Probability of this effect, alone or with others: 93\u00a0%; alone: 93\u00a0%" in head
+    assert "Probability of this effect, alone or with others: 93\u00a0%" in head
+    assert "Alone: 93\u00a0%" in rest
     assert re.search(r"nothing missing</th><td[^>]*>5\u00a0%", rest)
     assert "something that the library does not have" in rest
     reported, others = figures.make_all(sure).known["probability"].data

@@ -247,3 +247,12 @@ def test_selections(outputs, words):
 )
 def test_no_probability_is_called_certain(probability, text):
     assert percent(probability) == f"{text}\u00a0%"
+
+
+@pytest.mark.parametrize("text", ["xyz", "x y z", "z,x,y", "xy z", ["x", "y", "z"]])
+def test_directions_may_be_one_word_or_several(text):
+    assert directions_from(text, "foot") == ("x", "y", "z")
+
+
+def test_rotations_in_one_word_keep_their_letter():
+    assert directions_from("rxz", "foot") == ("z", "rx")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = sorted(Path(__file__).parents[2].glob("examples/*.py"))
-RENDERED = re.compile(r"render_|--pictures")
+RENDERED = re.compile(r"render_|--picture")
 """Marks an example that draws a structure, which needs PyVista."""
 
 LONG = {"95_many_units", "40_find_hidden_effect"}

@@ -101,18 +101,18 @@ def test_a_mass_is_placed_between_the_sensors():
 @pytest.mark.parametrize(
     ("unknown", "n", "faults", "verdict", "reason"),
     [
-        (-9.0, 1, 0, EFFECT, r"^mass at A lowers the residual level from 8\.7 to 0\.87 dB; probability"),
-        (-9.0, 2, 0, EFFECT, r"^mass at A and mass at B lower the residual level from 8\.7 to 0\.87 dB"),
-        (9.0, 1, 0, UNEXPLAINED, r"stays at 8\.7 dB, .*; best so far, not explained: mass at A, 0\.87 dB$"),
+        (-9.0, 1, 0, EFFECT, r"^mass at A lowers the error from 8\.70 to 0\.87 dB$"),
+        (-9.0, 2, 0, EFFECT, r"^mass at A and mass at B lower the error from 8\.70 to 0\.87 dB$"),
+        (9.0, 1, 0, UNEXPLAINED, r"stays at 8\.70 dB, .*; best so far, not explained: mass at A, 0\.87 dB$"),
         (9.0, 0, 1, UNEXPLAINED, "more than a right model leaves$"),
         (
             -9.0,
             0,
             1,
             FAULT,
-            r"^with 1 fault of the measurement corrected, nothing improves.*; probability 26\s%$",
+            r"^with 1 fault of the measurement corrected, nothing improves.*; error 0\.87 dB$",
         ),
-        (-9.0, 0, 0, NOTHING, r"^no candidate improves the fitted model.*; probability 26\s%$"),
+        (-9.0, 0, 0, NOTHING, r"^no candidate improves the fitted model, whose error is 0\.87 dB$"),
     ],
 )
 def test_a_verdict_gives_its_reason(unknown, n, faults, verdict, reason):
@@ -123,12 +123,11 @@ def test_a_verdict_gives_its_reason(unknown, n, faults, verdict, reason):
 
     best = hypothesis(*"AB"[:n])
     known = {"lead": best, "explains": unknown < 0, "finished": True}
-    done = SimpleNamespace(best=best, **known, probability_there=lambda h: 0.97)
+    done = SimpleNamespace(best=best, **known)
     given = [None] * faults
     assert verdict_of(done, given) == verdict
-    reported = SimpleNamespace(probability=0.26)
-    d = SimpleNamespace(verdict=verdict, found=best.effects, every_fault=given, reported=reported)
-    assert re.search(reason, reason_of(d, done, "residual level", "dB", "8.7", "0.87", "0.87"))
+    d = SimpleNamespace(verdict=verdict, found=best.effects, every_fault=given)
+    assert re.search(reason, reason_of(d, done, "error", "dB", "8.70", "0.87", "0.87"))
 
 
 @pytest.mark.slow

@@ -40,7 +40,7 @@ def study(tmp_path_factory):
     return write_study(tmp_path_factory.mktemp("frame"))
 
 
-@pytest.mark.parametrize("option", ["modes --pictures", "check --picture"])
+@pytest.mark.parametrize("option", ["modes --picture", "check --picture"])
 def test_pictures_without_pyvista(study, tmp_path, option):
     command, word = option.split()
     target = tmp_path / ("p" if command == "modes" else "p.png")
@@ -55,10 +55,10 @@ def test_pictures_without_pyvista(study, tmp_path, option):
 
 
 def test_pictures_without_opengl(study, tmp_path):
-    done = without_opengl("modes", str(study), "--pictures", str(tmp_path / "p"))
+    done = without_opengl("modes", str(study), "--picture", str(tmp_path / "p"))
     assert (done.returncode, done.stdout) == (1, "")
     (line,) = done.stderr.splitlines()
-    assert line.startswith("dovetail: --pictures: pictures of the structure cannot be drawn: VTK cannot")
+    assert line.startswith("dovetail: --picture: pictures of the structure cannot be drawn: VTK cannot")
     assert "libegl1" in line
     assert not (tmp_path / "p").exists()
 

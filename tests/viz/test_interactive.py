@@ -245,7 +245,7 @@ def test_sensors_have_the_colours_of_their_errors_and_their_names():
     shown = next(t for t in figure.data if t.type == "scatter3d" and (t.meta or {}).get("role") == "sensor")
     assert list(shown.customdata) == ["s0", "s1", "s2", "s3"]
     assert list(shown.marker.color[:3]) == [1.0, 2.0, 3.5]
-    assert (shown.marker.cmin, shown.marker.cmax) == (1.0, 3.5)
+    assert (shown.marker.cmin, shown.marker.cmax) == (0.0, 3.5)
     assert shown.hovertext[2] == "sensor <b>s2</b>, along +z<br>error 3.50 dB"
     assert shown.hovertext[3] == "sensor <b>s3</b>, along +z"
     (arrows,) = solid_of(figure, "sensor")

@@ -412,12 +412,11 @@ def _ranked(effect: Effect, result: FitResult, similarity: float, score: float) 
 
 def _verdict(d: Diagnosis, done: Searched[FitProblem], gates: Gates) -> tuple[str, str]:
     """Return the verdict, which a structure that is not linear may change, and why."""
-    before, after, lead = (
-        f"{h.fitted.level * DB_PER_NEPER:.2g}" for h in (done.search.known[frozenset()], done.best, done.lead)
-    )
-    verdict, reason = d.verdict, reason_of(d, done, "residual level", "dB", before, after, lead)
+    lead = d.problem.assessed(done.lead.fitted).fit_db if d.verdict == UNEXPLAINED else d.steps[-1].fit_db
+    errors = (f"{db:.2f}" for db in (d.steps[min(1, len(d.steps) - 1)].fit_db, d.steps[-1].fit_db, lead))
+    verdict, reason = d.verdict, reason_of(d, done, "error", "dB", *errors)
     if done.n_levels > 1:
-        reason += f"; over the {done.n_levels} force levels together from {before} to {after} dB"
+        reason += f"; {done.n_levels} force levels were fitted together"
     if not gates.linear and not any(e.amplitude_dependent for e in done.best.effects):
         reason += "; the FRFs change with the level of force, and nothing that was tried explains it"
         verdict = UNEXPLAINED if verdict in (NOTHING, FAULT) else verdict

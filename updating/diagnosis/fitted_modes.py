@@ -69,17 +69,25 @@ def damped_modes(model: Model, curve: DampingCurve, unknowns: NDArray[np.float64
 
 
 def modes_of(d: Diagnosis) -> tuple[Modes, Modes, Modes]:
-    """Return modes in the band: nominal, fitted without what was found, and with it."""
-    curve, top = d.problem.damping, float(d.problem.data.frequency[-1])
+    """Return modes up to the band's end: nominal, fitted without what was found, and with it.
+
+    Motions below the band in which the nominal structure moves freely, as a body, count as rigid: small
+    stiffnesses of exciters are fitted and hold it.
+    """
+    curve, (bottom, top) = d.problem.damping, d.problem.data.frequency[[0, -1]].tolist()
     with_all = d.model
     without = with_all.without_effect(*(f.effect.name for f in d.findings)) if d.findings else with_all
     zeta = d.steps[-1].result.zeta
     fitted = damped_modes(with_all, curve, zeta, top)
-    return (
-        damped_modes(with_resting_base(d.problem.reduced.model), curve, curve.start, 1.1 * top),
-        fitted if without is with_all else damped_modes(without, curve, zeta, 1.1 * top),
-        fitted,
-    )
+    before = fitted if without is with_all else damped_modes(without, curve, zeta, 1.1 * top)
+    nominal = damped_modes(with_resting_base(d.problem.reduced.model), curve, curve.start, 1.1 * top)
+    return nominal, *(_as_free(m, nominal.n_rigid, bottom) for m in (before, fitted))
+
+
+def _as_free(modes: Modes, n_rigid: int, bottom: float) -> Modes:
+    """Return modes of which as many are rigid as another model has, those below a frequency [Hz]."""
+    held = int(np.sum(modes.frequency[modes.n_rigid : n_rigid] < bottom))
+    return replace(modes, n_rigid=modes.n_rigid + held)
 
 
 def pair_modes(nominal: Modes, fitted: Modes, n_points: int) -> tuple[FittedModePair, ...]:

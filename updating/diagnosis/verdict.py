@@ -294,14 +294,11 @@ def reason_of(
         return f"the {quantity} stays at {before} {unit}, more than a right model leaves{so_far}"
     if d.verdict == EFFECT:
         lower = "lower" if len(d.found) > 1 else "lowers"
-        place = percent(done.probability_there(done.best))
-        text = f"{labels(d.found)} {lower} the {quantity} from {before} to {after} {unit}"
-        return f"{text}; probability of the place {place}"
-    p = percent(d.reported.probability)
+        return f"{labels(d.found)} {lower} the {quantity} from {before} to {after} {unit}"
     if d.verdict == FAULT:
         n = counted(len(d.every_fault), "fault")
         return (
             f"with {n} of the measurement corrected, nothing improves the model further; {quantity} "
-            f"{after} {unit}; probability {p}"
+            f"{after} {unit}"
         )
-    return f"no candidate improves the fitted model, whose {quantity} is {after} {unit}; probability {p}"
+    return f"no candidate improves the fitted model, whose {quantity} is {after} {unit}"

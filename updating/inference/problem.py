@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
-from updating.correlation import DB_PER_NEPER
 from updating.inference.damped import DampedFrfs
 from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit_function import FitFunction
@@ -104,7 +103,7 @@ class Problem(FitInputs[D]):
 
     def error_words(self, level: float) -> str:
         """Return a level of residuals [-] as a reader knows it."""
-        return f"residual level {level * DB_PER_NEPER:.2g} dB"
+        return f"residual {100 * level:.2g} %"
 
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group, (n_groups,)."""

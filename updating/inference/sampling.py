@@ -74,7 +74,7 @@ def sample(
     try:
         import emcee
     except ImportError as error:
-        msg = "samples need emcee, which is not installed; install it with: pip install emcee"
+        msg = "samples need emcee, which is not installed; install it with: python -m pip install emcee"
         raise MissingExtraError(msg) from error
     n = len(mean)
     n_walkers = 2 * n + 2 if n_walkers is None else n_walkers

@@ -46,7 +46,7 @@ def model_figure(
     places: Sequence[MarkedPlace] = (),
     members: Mapping[str, float] | None = None,
     joints: Sequence[tuple[MarkedPlace, float]] = (),
-    members_label: str = "share of the misfit [-]",
+    members_label: str = "share of the misfit [%]",
     title: str = "",
     height: float = 520,
 ) -> Figure:
@@ -63,7 +63,7 @@ def model_figure(
     errors : mapping of str to float, optional
         Error of sensors by name, which colours them [dB].
     limits : (float, float), optional
-        Ends of the colours [dB].
+        Ends of the colours [dB]; from 0 unless given.
     places : sequence of Place
         Findings, faults and candidates.
     members : mapping of str to float, optional
@@ -222,7 +222,7 @@ def _instrument_traces(
     known = np.array([np.nan if force or not errors else errors.get(s.name, np.nan) for s in group])
     marker: dict[str, Any] = {"size": 5, "line": {"color": style.INK, "width": 0.5}}
     if np.isfinite(known).any():
-        low, high = limits or (float(np.nanmin(known)), float(np.nanmax(known)))
+        low, high = limits or (0.0, float(np.nanmax(known)))
         norm = Normalize(low, high if high > low else low + 1)
         cmap = style.misfit_map()
         colours = [rgb_text(cmap(norm(e))) if np.isfinite(e) else CELL for e in known]
@@ -252,9 +252,9 @@ def _instrument_traces(
 
 
 def _instrument_names(group: Sequence[Sensor], free: Floats, size: float, shift: int) -> list[dict[str, Any]]:
-    """Return the names of sensors or excitations as texts at their free ends, one for each place."""
+    """Return the names of sensors or excitations as texts at a free end, one for each place."""
     out = []
-    for text, k in merge_names([s.name for s in group], free, 1e-6 * size):
+    for text, k in merge_names([s.name for s in group], [s.point for s in group], 1e-6 * size):
         x, y, z = free[k].tolist()
         out.append(
             {
@@ -283,7 +283,7 @@ def _direction(sensor: Sensor) -> str:
 def _effect_traces(model: Model) -> list[dict[str, Any]]:
     """Return the places of the model's effects, one trace for each kind."""
     by_kind: dict[str, list[tuple[Any, NDArray[np.float64]]]] = {}
-    for effect in model.effects:
+    for effect in (e for e in model.effects if e.is_marked and not e.is_form):
         for point in effect.locations(model):
             kind = effect.kind if support_axes(effect, model) is None else "support"
             by_kind.setdefault(kind, []).append((effect, point))

@@ -143,7 +143,7 @@ def place_traces(places: Sequence[MarkedPlace]) -> tuple[list[dict[str, Any]], l
     for role in dict.fromkeys(p.role for p in places):
         word, colour, symbol, size = looks.get(role, (role, style.GREEN, "square-open", 9))
         chosen = [p for p in places if p.role == role]
-        words = [plain(p.label or p.name) for p in chosen]
+        words = [_lines(p.label or p.name) for p in chosen]
         marker = {"color": colour, "symbol": symbol, "size": size, "line": {"color": colour, "width": 3}}
         points, names = [p.point for p in chosen], [p.name for p in chosen]
         traces.append(points_trace(points, names, words, marker, name=plain(word), meta={"role": role}))
@@ -152,10 +152,14 @@ def place_traces(places: Sequence[MarkedPlace]) -> tuple[list[dict[str, Any]], l
     return traces, notes
 
 
+def _lines(text: str) -> str:
+    return "<br>".join(map(plain, text.split("\n")))
+
+
 def _note(point: NDArray[np.float64], text: str, colour: str, k: int) -> dict[str, Any]:
     return {
         **dict(zip("xyz", map(float, point), strict=True)),
-        "text": f"<b>{plain(text)}</b>",
+        "text": f"<b>{_lines(text)}</b>",
         "font": {"color": colour, "size": 13},
         "arrowcolor": colour,
         "arrowwidth": 1.5,

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from dovetail.report.blocks import Block, Heading, TableBlock
-from dovetail.report.probable import hypotheses, reported
+from dovetail.report.blocks import Block, Heading, TableBlock, Text
+from dovetail.report.probable import hypotheses, probability_details, reported
 from dovetail.report.table import Column, Table
 from dovetail.report.words import explanation_text
 from fem.summary import percent
@@ -55,7 +55,8 @@ def page(d: Verdict, shown: "Shown") -> list[Block]:
     )
     rows = [[name, percent(p)] for name, p in known]
     every = TableBlock(["hypothesis", "probability"], rows, numbers=(1,), at_most=8)
-    return [Heading("How probable"), drawn, every]
+    more = [Text(f"{text}.")] if (text := probability_details(d)) else []
+    return [Heading("How probable"), *more, drawn, every]
 
 
 def figure(d: Verdict) -> "Chart | None":

@@ -73,8 +73,8 @@ def best_of(rounds: Sequence[Sequence[Ranked]]) -> Ranked | None:
 
 
 MORE_PROBABLE = (
-    " The effect is nevertheless more probable, because each band has its own error level and parameters "
-    "have priors."
+    " The effect is nevertheless more probable: its evidence also counts the phase and the priors, each band "
+    "with its own error level."
 )
 
 
@@ -113,14 +113,12 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
             "evidence; held-out modes do not count."
         )
         return ReportSection("How sure", [Items(confidence(result)), staircase.block(d), Text(text)])
-    text = (
-        "Errors are root mean squares of 20 lg |H computed / H measured|. The residual level "
-        f"{'also counts the phase, ' if d.problem.data.phase else ''}gives outliers less weight, "
-        "and corrects small errors of single modes. "
-    )
+    text = "Errors are root mean squares of 20 lg |H computed / H measured|."
     if d.posterior:
         text += (
-            "Hypotheses are ranked by their evidence, with a separate error level in each of up to four "
+            " Hypotheses are ranked by their evidence, which "
+            f"{'also counts the phase, ' if d.problem.data.phase else ''}gives outliers less weight, "
+            "corrects small errors of single modes, and has a separate error level in each of up to four "
             "bands. Held-out lines do not count."
         )
     advice = [Heading("Advice"), Items(words.advice(result))] if d.verdict == UNEXPLAINED else []

@@ -4,6 +4,7 @@ import numpy as np
 
 from dovetail.report import cells, words
 from dovetail.report.blocks import Block, Details, Heading, Plot, ReportSection, TableBlock, Text
+from dovetail.report.drawn import LEAST_SHARE
 from dovetail.report.shown import TURN, Shown
 from dovetail.result import FrfResult, by_frfs, least_frac
 
@@ -46,7 +47,7 @@ def _shares(result: FrfResult) -> list[Block]:
     if where is None:
         return []
     shares = [*((f"member {m}", s) for m, s in where.members.items()), *where.places]
-    shares = sorted((each for each in shares if each[1] >= 0.005), key=lambda t: -t[1])
+    shares = sorted((each for each in shares if each[1] >= LEAST_SHARE), key=lambda t: -t[1])
     rows = [[words.place(name), f"{100 * s:.0f}"] for name, s in shares]
     table = TableBlock(["place", "share of the misfit [%]"], rows, numbers=(1,), at_most=8)
     shown = [table] if where.says_where else []

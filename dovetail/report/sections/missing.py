@@ -18,6 +18,7 @@ from dovetail.report.sections import explanations, rounds
 from dovetail.report.sections.how_sure import best_of
 from dovetail.report.shown import TURN, Shown, choice
 from dovetail.result import RunResult, by_any, by_frfs
+from fem.model import inverse
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED, UNFINISHED
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
@@ -58,19 +59,24 @@ def _found(d: Verdict) -> list[Block]:
     rows = []
     for f in d.findings:
         for p in f.parameters:
-            stiff = words.as_stiffness(p)
             std = "–" if p.at_bound else cells.percent(p.std, p.value)
             label = words.effect_label(f.effect.kind, f.effect.where)
-            rows.append([label, stiff.name.replace("_", " "), words.fitted_text(stiff), _absent(f, p), std])
+            first = words.as_stiffness(p)
+            for form in filter(None, (first, words.reciprocal(first))):
+                value = words.fitted_text(form)
+                rows.append([label, form.name.replace("_", " "), value, _absent(f, p, form), std])
+                label = std = ""
     head = ["effect", "parameter", "value ± std", "model has", "std [%]"]
     return [TableBlock(head, rows, numbers=(2, 3, 4))]
 
 
-def _absent(finding: Finding, found: EffectParameter) -> str:
-    """Return the model's value of a found parameter, a dash where it has none."""
+def _absent(finding: Finding, found: EffectParameter, form: EffectParameter) -> str:
+    """Return the model's value of a found parameter in one of its forms, a dash where it has none."""
     of = next((p for p in finding.effect.parameters() if p.name == found.name), None)
-    absent, p = math.nan if of is None else words.absent_value(of), words.as_stiffness(found)
-    return "–" if absent == p.value else words.with_unit(absent, p.unit, like=words.near(absent, p.value))
+    absent = math.nan if of is None else of.absent if form.name == found.name else inverse(of.absent)
+    if absent == form.value or (form.name == "compliance" and math.isinf(absent)):
+        return "–"
+    return words.with_unit(absent, form.unit, like=words.near(absent, form.value))
 
 
 def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:

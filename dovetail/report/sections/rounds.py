@@ -9,7 +9,6 @@ from dovetail.report.blocks import Block, Details, Line, ReportMark, ReportSecti
 from dovetail.report.table import Column, Table
 from dovetail.result import FrfResult, by_frfs
 from fem.summary import counted
-from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Ranked
 
@@ -22,7 +21,6 @@ applies = by_frfs
 HEADS = [
     "candidate",
     "value ± std",
-    "level [dB]",
     "fitted lines [dB]",
     "held-out lines [dB]",
     "similarity [-]",
@@ -54,7 +52,7 @@ def _accepted(d: Diagnosis, k: int) -> tuple[int | None, set[int]]:
 
 
 def _before(d: Diagnosis, k: int) -> float:
-    return d.steps[min(k + 1, len(d.steps) - 1)].level * DB_PER_NEPER
+    return d.steps[min(k + 1, len(d.steps) - 1)].fit_db
 
 
 def caption(d: Diagnosis, k: int) -> str:
@@ -62,22 +60,22 @@ def caption(d: Diagnosis, k: int) -> str:
     accepted, _ = _accepted(d, k)
     outcome = "none of them" if accepted is None else labels(d.rounds[k])[accepted]
     return (
-        f"Round {k + 1} of the search: residual level after fitting each candidate together with the "
-        f"uncertain parameters; {outcome} is accepted. They are ranked by their evidence, which also "
-        "counts the parameters of a law."
+        f"Round {k + 1} of the search: error after fitting each candidate together with the uncertain "
+        f"parameters; {outcome} is accepted. They are ranked by their evidence, which also counts "
+        f"{'the phase and ' if d.problem.data.phase else ''}the parameters of a law."
     )
 
 
 def figure(d: Diagnosis, k: int) -> "Chart | None":
-    """Return the figure of a round's residual levels; None of one without candidates."""
+    """Return the figure of a round's errors; None of one without candidates."""
     from viz.search import ranking
 
     ranked, (accepted, twins) = d.rounds[k], _accepted(d, k)
     if not ranked:
         return None
-    names, levels = [r.name for r in ranked], [r.level * DB_PER_NEPER for r in ranked]
+    names, errors = [r.name for r in ranked], [r.fit_db for r in ranked]
     more: dict[str, Any] = {"names": names, "twins": twins, "accepted": accepted}
-    return ranking(labels(ranked), levels, _before(d, k), xlabel=words.level_label(d), **more)
+    return ranking(labels(ranked), errors, _before(d, k), **more)
 
 
 def table(ranked: Sequence[Ranked], k: int) -> Table:
@@ -91,13 +89,6 @@ def table(ranked: Sequence[Ranked], k: int) -> Table:
     return Table.of(
         f"round {k + 1}",
         Column("candidate", [words.ranked_label(r) for r in ranked]),
-        Column(
-            "level",
-            [r.level for r in ranked],
-            "dB",
-            digits([r.level * DB_PER_NEPER for r in ranked]),
-            DB_PER_NEPER,
-        ),
         Column("fitted", fitted, "dB", digits(fitted)),
         Column("held-out", held_out, "dB", digits(held_out)),
         Column("similarity", alike, show=digits(alike)),
@@ -117,14 +108,14 @@ def lines(d: Diagnosis, number: int) -> list[str | Table]:
 
 def block(known: Sequence[tuple[Ranked, str]], marked: Sequence[int]) -> TableBlock:
     """Return a table of candidates, each with a tag or an empty one."""
-    values = [(r.level * DB_PER_NEPER, r.fit_db, r.held_out_db, r.similarity) for r, _ in known]
+    values = [(r.fit_db, r.held_out_db, r.similarity) for r, _ in known]
     digits = [words.digits_apart(first, column) for first, *column in zip(*values, strict=True)]
     rows: list[list[Line]] = []
     for (r, what), numbers in zip(known, values, strict=True):
         label = (words.ranked_label(r), " ", ReportMark(what) if what else "")
         numbers_ = (cells.decimals(x, n) for x, n in zip(numbers, digits, strict=True))
         rows.append([label, words.parameters_text(r.parameters), *numbers_])
-    return TableBlock(HEADS, rows, numbers=(2, 3, 4, 5), marked=marked)
+    return TableBlock(HEADS, rows, numbers=(2, 3, 4), marked=marked)
 
 
 def page(result: FrfResult, shown: "Shown") -> ReportSection:
@@ -147,9 +138,7 @@ def page(result: FrfResult, shown: "Shown") -> ReportSection:
 
 def _round(d: Diagnosis, shown: "Shown", k: int) -> list[Block]:
     name, ranked, finding = f"ranking-{k + 1}", d.rounds[k], d.findings[k] if k < len(d.findings) else None
-    alt = (
-        f"Bars of the residual level that each candidate leaves in round {k + 1}; the table has the numbers."
-    )
+    alt = f"Bars of the error that each candidate leaves in round {k + 1}; the table has the numbers."
     roles = {} if finding is None else {t.name: "twin" for t in finding.alternatives}
     if finding is not None:
         roles |= {t.name: "contains it" for t in finding.extensions} | {finding.effect.name: "accepted"}

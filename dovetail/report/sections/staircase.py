@@ -11,7 +11,6 @@ from dovetail.report.cells import decimals
 from dovetail.report.table import Column, Table
 from dovetail.report.words import step_label
 from dovetail.result import by_frfs
-from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -85,9 +84,6 @@ def block(d: Verdict, held_out: Mapping[str, tuple[float, ...]] | None = None) -
         [r[1] for r in stairs.rows],
         *([[r[2] for r in stairs.rows]] if some else []),
     ]
-    if by_frfs(d):
-        head.append("residual level [dB]")
-        columns.append([s.level * DB_PER_NEPER for s in d.steps])
     for name, errors in (held_out or {}).items():
         head.append(f"{name}, held out [dB]")
         columns.append(list(errors[: len(stairs.rows)]))
