@@ -89,6 +89,10 @@ class Visible:
         That, of the size at which it is seen: it imitates the effect best.
     alike : float
         Cosine of the angle between what both do [-].
+    length : float
+        Of a little of it in whitened residuals, beyond all that may vary.
+    moved : ndarray (n_refs,)
+        How far uncertain parameters move against a little of it, as of :meth:`Look.moved`.
     """
 
     little: Little
@@ -97,6 +101,8 @@ class Visible:
     nats: tuple[float, float]
     rival: Effect
     alike: float
+    length: float
+    moved: Floats
 
     @property
     def effect(self) -> Effect:
@@ -193,10 +199,16 @@ class Visibility:
     discrepancy: float | None
     look: Look[Any, Any]
 
-    def hidden_by(self, x: Visible) -> list[tuple[ParameterRef, float]]:
-        """Return the uncertain parameters that hide most of an effect, as of :meth:`Look.hidden_by`."""
-        change = self.look.small_changes(x.little)[x.position, self.look.residuals.full_band]
-        return self.look.hidden_by(change)
+    def hidden_by(self, some: Sequence[Visible]) -> list[tuple[ParameterRef, Visible, float]]:
+        """Return the uncertain parameters that hide most of a kind of effect, by :meth:`Look.hidden_by`.
+
+        With each comes the place at which that kind is then seen best, and the least multiple there.
+        """
+        some = [x for x in some if np.isfinite(x.least) and x.length > 0]
+        lengths, sizes = (np.array([getattr(x, key) for x in some]) for key in ("length", "least"))
+        moved = np.array([x.moved for x in some])
+        found = self.look.hidden_by(lengths, moved, sizes)
+        return [(ref, x := some[k], x.enough[0] / factor) for ref, k, factor in found]
 
 
 def visibility(
@@ -261,6 +273,8 @@ def visibility(
                     j, float(np.clip(seen[j], 1.0, littles[owner[j]].most[forecast.place[j]]))
                 ),
                 alike=float(alike[i]),
+                length=float(rivals.lengths[i]),
+                moved=forecast.moved[i],
             )
         )
     return Visibility(problem, base, odds, tuple(found), discrepancy, forecast.look)
