@@ -257,7 +257,8 @@ class Effect(ABC):
         Whether its elements are those of lines of the mesh, so that it does not hold the structure.
     gives_way : bool
         Whether it depends on other effects of an element (:meth:`refers_to`): is a flexibility in series with
-        what they alter (:meth:`alters`), or acts at a place within an element where others give way.
+        what they alter (:meth:`alters`), changes a part of it in proportion, or acts at a place within an
+        element where others give way.
     reduced_part : bool
         Whether it is a part given by matrices, of whose mass and inner forces nothing else is known.
     marker : Marker or None

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.model import Contribution
+from fem.model import Contribution, ParameterRef
 
 Floats = NDArray[np.float64]
 
@@ -87,62 +87,111 @@ class ChebyshevTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TabulatedEffect:
-    """K = A(u) + B(u + plane) and M = Σ p · M_p of an effect with u, perhaps plane, and masses p."""
+    """K = A(u) + B(u + plane) and M = Σ p · M_p of an effect with u, perhaps plane, and masses p.
+
+    The stiffnesses of its elements (b) change with parameters q of other effects, Σ q ∂K/∂q.
+
+    Attributes
+    ----------
+    dofs : ndarray of int (m,)
+    entries : ndarray of int (b, 12)
+        DOFs of the elements among these.
+    loss : ndarray (b,)
+        Loss factors of the elements [-].
+    along, plane : ChebyshevTable
+        A and B, and their derivatives by changes of the elements, (1 + n_changes, b, 12, 12).
+    M : mapping of str to ndarray (m, m)
+    follows : tuple of (reference, ndarray of int, int)
+        Parameters of other effects, elements that change with them, and number of the change.
+    """
 
     dofs: NDArray[np.int64]
+    entries: NDArray[np.int64]
+    loss: Floats
     along: ChebyshevTable
     plane: ChebyshevTable | None
     M: Mapping[str, Floats]
+    follows: tuple[tuple[ParameterRef, NDArray[np.int64], int], ...] = ()
 
     @classmethod
     def of(
         cls,
-        stiffness: Callable[[float, float], Contribution],
+        dofs_of: NDArray[np.int64],
+        loss: Floats,
+        stiffness: Callable[[float, float], Floats],
         masses: Mapping[str, Contribution],
         low: float,
         high: float,
         *,
         planar: bool,
     ) -> "TabulatedEffect | None":
-        """Tabulate an effect from ``low`` to ``high``; None where K is no such sum, or there are losses."""
-        first = stiffness(0.0, 0.0)
-        if first.D is not None:
-            return None
-        dofs = np.unique(np.concatenate([c.dofs.ravel() for c in (first, *masses.values())]))
+        """Tabulate an effect on elements with DOFs ``dofs_of`` (b, 12); None where K is no such sum.
 
-        def assembled(c: Contribution, X: Any) -> Floats:
-            out, at = np.zeros((len(dofs), len(dofs))), np.searchsorted(dofs, c.dofs)
-            np.add.at(out, (at[:, :, None], at[:, None, :]), X)
-            return out
+        ``stiffness`` gives A + B and its derivatives at u and plane, from ``low`` to ``high``.
+        """
+        dofs = np.unique(np.concatenate([dofs_of.ravel(), *(c.dofs.ravel() for c in masses.values())]))
 
-        def K(u: float, v: float) -> Floats:
-            c = stiffness(u, v)
-            return assembled(c, c.K)
+        def assembled(c: Contribution) -> Floats:
+            return _assembled(len(dofs), np.searchsorted(dofs, c.dofs), c.M)
 
-        M, none = {name: assembled(c, c.M) for name, c in masses.items()}, K(0.0, 0.0)
+        M, none = {name: assembled(c) for name, c in masses.items()}, stiffness(0.0, 0.0)
+        entries = np.searchsorted(dofs, dofs_of)
         if not planar:
-            return cls(dofs, ChebyshevTable.of(low, high, lambda s: K(s, 0.0)), None, M)
-        plane = ChebyshevTable.of(low, high, lambda s: K(0.0, s) - none)
-        out = cls(dofs, ChebyshevTable.of(low, high, lambda s: K(s, 0.0) - plane.at(s)), plane, M)
+            along = ChebyshevTable.of(low, high, lambda s: stiffness(s, 0.0))
+            return cls(dofs, entries, loss, along, None, M)
+        plane = ChebyshevTable.of(low, high, lambda s: stiffness(0.0, s) - none)
+        along = ChebyshevTable.of(low, high, lambda s: stiffness(s, 0.0) - plane.at(s))
         u, v = 0.35 * high, -0.25 * high
-        exact = K(u, v)
-        found, _ = out.matrices({"u": u, "plane": v} | dict.fromkeys(masses, 0.0))
+        exact, found = stiffness(u, v), along.at(u) + plane.at(u + v)
         right = np.abs(found - exact).max() <= SEPARABLE * np.abs(exact).max()
-        return out if right else None
+        return cls(dofs, entries, loss, along, plane, M) if right else None
 
-    def matrices(self, values: Mapping[str, float]) -> tuple[Floats, Floats | None]:
-        """Return K and M at values of the parameters."""
-        K = self.along.at(values["u"])
+    def matrices(
+        self, values: Mapping[str, float], others: Mapping[ParameterRef, float]
+    ) -> tuple[Floats, Floats | None, Floats | None]:
+        """Return K, M and D at values of the parameters and of those of other effects."""
+        each = self.along.at(values["u"])
         if self.plane is not None:
-            K = K + self.plane.at(values["u"] + values["plane"])
-        return K, np.add.reduce([values[name] * M for name, M in self.M.items()]) if self.M else None
+            each = each + self.plane.at(values["u"] + values["plane"])
+        M = np.add.reduce([values[name] * X for name, X in self.M.items()]) if self.M else None
+        K, D = self._sums(self._changed(each, others))
+        return K, M, D
 
-    def slopes(self, values: Mapping[str, float], parameter: str) -> tuple[Floats | None, Floats | None]:
-        """Return the derivatives of K and M by a parameter."""
-        if parameter in self.M:
-            return None, self.M[parameter]
-        plane = None if self.plane is None else self.plane.slope(values["u"] + values["plane"])
-        if parameter == "plane":
-            return plane, None
-        along = self.along.slope(values["u"])
-        return along if plane is None else along + plane, None
+    def slopes(
+        self, values: Mapping[str, float], others: Mapping[ParameterRef, float], ref: str | ParameterRef
+    ) -> tuple[Floats | None, Floats | None, Floats | None]:
+        """Return the derivatives of K, M and D by a parameter, or by one of another effect."""
+        if ref in self.M:
+            return None, self.M[ref], None  # type: ignore[index]
+        at_plane = values["u"] + values.get("plane", 0.0)
+        if not isinstance(ref, str):
+            each = self.along.at(values["u"])
+            each = each if self.plane is None else each + self.plane.at(at_plane)
+            of_lines = np.zeros_like(each[0])
+            for _, lines, k in (f for f in self.follows if f[0] == ref):
+                of_lines[lines] = each[1 + k][lines]
+        else:
+            parts = [] if ref == "plane" else [self.along.slope(values["u"])]
+            parts += [] if self.plane is None else [self.plane.slope(at_plane)]
+            of_lines = self._changed(np.add.reduce(parts), others)
+        K, D = self._sums(of_lines)
+        return K, None, D
+
+    def _changed(self, each: Floats, others: Mapping[ParameterRef, float]) -> Floats:
+        """Return the matrices of the elements, (b, 12, 12), as other effects change them."""
+        out = each[0].copy()
+        for ref, lines, k in self.follows:
+            if value := others[ref]:
+                out[lines] += value * each[1 + k][lines]
+        return out
+
+    def _sums(self, each: Floats) -> tuple[Floats, Floats | None]:
+        n = len(self.dofs)
+        D = self.loss[:, None, None] * each if self.loss.any() else None
+        return _assembled(n, self.entries, each), None if D is None else _assembled(n, self.entries, D)
+
+
+def _assembled(n: int, entries: NDArray[np.int64], matrices: Any) -> Floats:
+    out = np.zeros((n, n))
+    np.add.at(out, (entries[:, :, None], entries[:, None, :]), matrices)
+    return out

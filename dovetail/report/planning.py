@@ -99,7 +99,7 @@ def tables_of_excluded(plan: Plan) -> list[tuple[str, Table]]:
 
 
 def _table_of_hidden(plan: Plan) -> Table | None:
-    """Return for each kind which uncertain parameters hide it most, where it is seen best; None if none."""
+    """Return for each kind which uncertain parameters hide it most; None if none do."""
     by_kind = {name: by for name, some in named_kinds(plan) if (by := plan.hidden(some))}
     if not by_kind:
         return None

@@ -7,11 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fem.declarations import Entry, Role
+from fem.effects.on_stretches import OnStretches
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
 from fem.effects.support import Support
-from fem.effects.with_frame import OnStretches
 from fem.elements.frame import Frame
-from fem.elements.stretches import stiffening
 from fem.model import Contribution, Effect, Model, Parameter
 from fem.tabulated import TabulatedEffect
 
@@ -54,20 +53,15 @@ class ClampForm(OnStretches):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness that the stretches gain."""
-        return (self._stiff(model, self.u),)
+        return (self.stiffer(model, self._kept(self.u)),)
 
     def tabulated(self, model: Model) -> TabulatedEffect | None:
         """Return tables of the stiffness that the stretches gain."""
+        return self.tabulated_on(model, lambda u, _: self._kept(u), LEAST_U, MOST_U, planar=False)
 
-        def made() -> TabulatedEffect | None:
-            return TabulatedEffect.of(lambda u, _: self._stiff(model, u), {}, LEAST_U, MOST_U, planar=False)
-
-        out: TabulatedEffect | None = self.tables.get((self.frame, model.mesh), made)
-        return out
-
-    def _stiff(self, model: Model, u: Any) -> Contribution:
-        kept = 1 + np.array(self.shares) * (np.exp(-u) - 1)
-        return stiffening(self.frame, model, self.zones, kept)
+    def _kept(self, u: Any) -> Any:
+        """Return the parts of their flexibility that the stretches keep."""
+        return 1 + np.array(self.shares) * (np.exp(-u) - 1)
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:

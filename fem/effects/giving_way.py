@@ -13,7 +13,7 @@ from fem.effects.places import elements_of, frame_of, parameters_of, sheared_fra
 from fem.effects.section_shear import SectionShear
 from fem.elements.cut import cut
 from fem.elements.inner_place import InnerPlace, inner_place
-from fem.model import DIRECTIONS, Contribution, Effect, Model, ParameterRef, dofs_of
+from fem.model import DIRECTIONS, Contribution, Effect, Model, ParameterRef, dofs_of, parameter_values
 from fem.recent import Unsent
 
 _CHANGES = 64
@@ -76,10 +76,13 @@ class GivesWay(OnMember):
     def _on_line(self, effect: Effect, model: Model, line: int) -> tuple[Contribution, ...]:
         """Return what another effect changes of the element."""
         changes = partial(_elements_of, effect, model, line)
-        if effect.gives_way:  # depends on further effects
+        if isinstance(effect, GivesWay):  # depends on further effects
             return changes()
-        frame = sheared_frame(model) if effect.refers_to(model) else None
-        out: tuple[Contribution, ...] = self.elements.get((effect, frame, model.mesh, line), changes)
+        refs = effect.refers_to(model)
+        frame = sheared_frame(model) if refs else None
+        values = (parameter_values(model.effect(n))[p] for n, p in refs if frame and n != frame.name)
+        key = effect, frame, tuple(values), model.mesh, line
+        out: tuple[Contribution, ...] = self.elements.get(key, changes)
         return out
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
@@ -104,7 +107,7 @@ class GivesWay(OnMember):
             first = first and effect.name != self.name
             if effect.name == self.name or isinstance(effect, SectionShear):
                 continue  # the frame's elements have these shear coefficients already
-            if (first or not effect.gives_way) and effect.alters(model, self.member, line):
+            if (first or not isinstance(effect, GivesWay)) and effect.alters(model, self.member, line):
                 yield effect
 
 

@@ -13,13 +13,12 @@ from fem.effects.places import frame_of, is_bar, sheared_frame
 from fem.effects.with_frame import WithFrame
 from fem.elements.frame import Frame
 from fem.elements.lines import SectionChange
+from fem.elements.stretches import STEP
 from fem.model import Contribution, Effect, Model, Parameter
 from fem.recent import Recent
 
-_STEP = 1e-30
-"""Step of the derivatives by the section, imaginary."""
-_STEPPED = 1 + 1j * _STEP
-_CHANGES = {
+_STEPPED = 1 + 1j * STEP
+CHANGES = {
     "A": SectionChange(A=_STEPPED),
     "Iy": SectionChange(Iy=_STEPPED),
     "Iz": SectionChange(Iz=_STEPPED),
@@ -86,7 +85,7 @@ class SectionForm(WithFrame):
     @property
     def keys(self) -> tuple[str, ...]:
         """Names of the changes."""
-        return tuple(key for key in _CHANGES if self.sheared or key != "shear")
+        return tuple(key for key in CHANGES if self.sheared or key != "shear")
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the contributions of the changes to K and M."""
@@ -108,7 +107,7 @@ class SectionForm(WithFrame):
         rows = np.concatenate([model.mesh.members[m] for m in self.members])
         out = {}
         for key in self.keys:
-            change = _CHANGES[key]
+            change = CHANGES[key]
             changed = self.frame.contribution_of(model, rows, change)
             slopes = [(c.dofs, _slope(c.M if key == "A" else c.K)) for c in changed]
             some = [(dofs, X) for dofs, X in slopes if X is not None]
@@ -164,5 +163,5 @@ def _slope(matrices: Any) -> Any:
     """Return the derivative (n, m, m) of matrices by a change, symmetric; None if there is none."""
     if matrices is None or not np.any(np.imag(matrices)):
         return None
-    slope = np.imag(matrices) / _STEP
+    slope = np.imag(matrices) / STEP
     return (slope + np.swapaxes(slope, 1, 2)) / 2

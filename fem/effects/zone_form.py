@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from fem.declarations import Entry, Role
 from fem.effects.joint import PointPair
+from fem.effects.on_stretches import OnStretches
 from fem.effects.places import frame_of, is_bar, section_extent, sheared_frame
-from fem.effects.with_frame import OnStretches
 from fem.elements.frame import Frame
-from fem.elements.stretches import mass_of_stretches, stiffening
+from fem.elements.stretches import mass_of_stretches
 from fem.model import Contribution, Effect, Model, Parameter
 from fem.recent import Recent
 from fem.tabulated import TabulatedEffect
@@ -88,31 +88,32 @@ class ZoneForm(OnStretches):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness and mass that the stretches gain."""
-        return self._stiff(model, self.u, self.plane), self._more(model)
+        return self.stiffer(model, self._kept(self.u, self.plane)), self._more(model)
 
     def tabulated(self, model: Model) -> TabulatedEffect | None:
         """Return tables of the stiffness and mass that the stretches gain."""
+        low, high = SOFTEST - IN_PLANE, STIFFEST + IN_PLANE
+        mass, inertia = self._heavy_on(model)
+        masses = {"mass": mass, "inertia": inertia}
+        return self.tabulated_on(model, self._kept, low, high, planar=bool(self.inside), masses=masses)
 
-        def made() -> TabulatedEffect | None:
-            mass, inertia = self._heavy(model)
-            heavy: dict[str, Contribution] = {"mass": mass, "inertia": inertia}
-            low, high = SOFTEST - IN_PLANE, STIFFEST + IN_PLANE
-            return TabulatedEffect.of(partial(self._stiff, model), heavy, low, high, planar=bool(self.inside))
-
-        out: TabulatedEffect | None = self.tables.get((self.frame, model.mesh), made)
-        return out
-
-    def _stiff(self, model: Model, along: Any, plane: Any) -> Contribution:
-        """Return the stiffness that the stretches gain."""
+    def _kept(self, along: Any, plane: Any) -> Any:
+        """Return the parts of their flexibility that the stretches keep."""
         u = np.full((len(self.zones), 6), along + 0 * plane)
         for k, bending in enumerate(self.inside):
             u[k, bending] += plane
-        return stiffening(self.frame, model, self.zones, np.exp(-u))
+        return np.exp(-u)
 
     def _more(self, model: Model) -> Contribution:
         """Return the mass and rotary inertia that the stretches gain."""
-        m, J = self.heavy.get((self.frame, model.mesh), partial(self._heavy, model))
+        m, J = self._heavy_on(model)
         return replace(m, M=self.mass * m.M + self.inertia * J.M)
+
+    def _heavy_on(self, model: Model) -> tuple[Contribution, Contribution]:
+        out: tuple[Contribution, Contribution] = self.heavy.get(
+            (self.frame, model.mesh), partial(self._heavy, model)
+        )
+        return out
 
     def _heavy(self, model: Model) -> tuple[Contribution, Contribution]:
         """Return the mass of the stretches, and ∫ m s² ds as rotary inertia spread evenly over each."""

@@ -4,21 +4,34 @@ Ends may lie within elements, and may be complex for derivatives with respect to
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.elements import tapered
-from fem.elements.connections import with_connections, with_rigid_ends
+from fem.elements.connections import line_slips, with_connections, with_rigid_ends
 from fem.elements.frame import Frame
 from fem.elements.interpolation import shape_matrix, strain_matrix
-from fem.elements.lines import COLUMNS, Lines, flexible_fraction, n_gauss, rigidities, some_lines
+from fem.elements.lines import (
+    COLUMNS,
+    NO_CHANGE,
+    Lines,
+    SectionChange,
+    flexible_fraction,
+    n_gauss,
+    rigidities,
+    some_lines,
+)
 from fem.elements.matrices import local_stiffness, to_global
 from fem.elements.quadrature import gauss_points
 from fem.elements.rigid_zones import masses_in_rigid_zones
 from fem.mesh import Mesh
 from fem.model import Array, Contribution, Model
+
+STEP = 1e-30
+"""Step of derivatives by sections, imaginary."""
 
 
 def stiffness_of_stretch(
@@ -138,47 +151,123 @@ def mass_of_stretches(
     return Contribution(g.dofs, M=factor[:, None, None] * M)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretches:
+    """Stretches of members that may be stiffer than these, and the elements (b) that they touch.
+
+    Of the elements' flexibility F = ∫ bᵀ f b dx, b the section forces of unit forces at the second end, the
+    stretches keep a part: exact for any length, also within an element. M stays.
+
+    Attributes
+    ----------
+    lines : Lines
+    members : ndarray of str (b,)
+    which, touched : ndarray of int (n,)
+        Stretch and element of each of n parts.
+    cut : ndarray (n_zones,)
+        Length of each stretch over the one that its part of F is for [-].
+    flexibility, parts : ndarray (b, 6, 6), (n, 6, 6)
+        F of the elements and of the parts.
+    slopes : tuple of (ndarray, ndarray)
+        Derivatives of both by changes of the sections.
+    """
+
+    lines: Lines
+    members: NDArray[np.str_]
+    which: NDArray[np.int64]
+    touched: NDArray[np.int64]
+    cut: Array
+    flexibility: Array
+    parts: Array
+    slopes: tuple[tuple[Array, Array], ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        frame: Frame,
+        model: Model,
+        zones: Sequence[tuple[str, float, Any, int]],
+        changes: Sequence[SectionChange] = (),
+    ) -> "Stretches":
+        """Return the stretches of some members.
+
+        Parameters
+        ----------
+        frame : Frame
+        model : Model
+        zones : sequence of (str, float, float, int)
+            Member, arc length at which the stretch begins, its length [m], and 1 or -1 for up or down the
+            member. A length may be complex, for derivatives. Stretches must not overlap.
+        changes : sequence of SectionChange
+            Imaginary steps of ``STEP``, for ``slopes``.
+        """
+        stretches, cut = [], []
+        for member, start, length, towards in zones:
+            reach = at_least(length, 1e-9 * model.mesh.member_length(member))
+            stretches.append((member, *((start, start + reach) if towards > 0 else (start - reach, start))))
+            cut.append(length / reach)
+        rows, lo, hi, which = _fractions_of(model.mesh, stretches)
+        every, touched = np.unique(rows, return_inverse=True)
+        of_line = dict(zip(rows.tolist(), (zones[k][0] for k in which), strict=True))
+
+        def both(change: SectionChange) -> tuple[Lines, Array, Array]:
+            g = frame.lines(model.mesh, every, change=change)
+            some = some_lines(g, touched)
+            full = end_flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L)))
+            return g, full, end_flexibility(some, flexible_fraction(some, lo), flexible_fraction(some, hi))
+
+        g, full, parts = both(NO_CHANGE)
+        slopes = tuple((np.imag(F) / STEP, np.imag(p) / STEP) for _, F, p in map(both, changes))
+        members = np.array([of_line[row] for row in every.tolist()])
+        return cls(g, members, which, touched, np.array(cut), full, parts, slopes)
+
+    def gain(self, kept: ArrayLike) -> Array:
+        """Return the stiffness that the elements gain, (b, 12, 12) in global axes.
+
+        Parameters
+        ----------
+        kept : array_like () or (n_zones, 6)
+            Parts of its flexibility that a stretch keeps, to forces along its local axes and moments about
+            them [-].
+        """
+        g, F = self.lines, self.flexibility
+        now, before = (_stiffness_from_flexibility(g, X) for X in (self._left(F, self.parts, kept), F))
+        return to_global(with_connections(g, now) - with_connections(g, before), g.T_nodes)
+
+    def gain_slopes(self, kept: ArrayLike) -> Array:
+        """Return the derivatives of the gain by changes of the sections, (n_changes, b, 12, 12).
+
+        As linear in these as the members' own matrices: an element of flexibility F that changes by c dF has
+        the stiffness F⁻¹ (F - c dF) F⁻¹, which is positive as long as F - c dF is.
+        """
+        g, F = self.lines, self.flexibility
+        left = self._left(F, self.parts, kept)
+        out = []
+        for dF, dp in self.slopes:
+            now, before = (_slope_of(g, X, dX) for X, dX in ((left, self._left(dF, dp, kept)), (F, dF)))
+            out.append(to_global(now - before, g.T_nodes))
+        return np.array(out).reshape(-1, *F.shape[:1], 12, 12)
+
+    def contribution(self, K: Array) -> Contribution:
+        """Return stiffnesses of the elements with their structural damping."""
+        return _damped(self.lines, K)
+
+    def _left(self, F: Array, parts: Array, kept: ArrayLike) -> Array:
+        """Return flexibilities of the elements, of which the stretches keep a part."""
+        lost = (1 - np.broadcast_to(kept, (len(self.cut), 6))) * self.cut[:, None]
+        share = lost[self.which]
+        less = 0.5 * (share[:, :, None] + share[:, None, :]) * parts
+        out = F.astype(np.result_type(F, less))
+        np.subtract.at(out, self.touched, less)
+        return out
+
+
 def stiffening(
     frame: Frame, model: Model, zones: Sequence[tuple[str, float, Any, int]], flexibility: ArrayLike
 ) -> Contribution:
-    """Return the increase of K and D where stretches of members are stiffer.
-
-    Of the elements' flexibility F = ∫ bᵀ f b dx, b the section forces of unit forces at the second end,
-    the stretches keep a part: exact for any length, also within an element. M stays.
-
-    Parameters
-    ----------
-    frame : Frame
-    model : Model
-    zones : sequence of (str, float, float, int)
-        Member, arc length at which the stretch begins, its length [m], and 1 or -1 for up or down the
-        member. A length may be complex, for derivatives. Stretches must not overlap.
-    flexibility : array_like () or (n_zones, 6)
-        Parts of its flexibility that a stretch keeps, to forces along its local axes and moments about them
-        [-].
-    """
-    stretches, lost = [], []
-    kept = np.broadcast_to(flexibility, (len(zones), 6))
-    for (member, start, length, towards), keep in zip(zones, kept, strict=True):
-        reach = at_least(length, 1e-9 * model.mesh.member_length(member))
-        ends = (start, start + reach) if towards > 0 else (start - reach, start)
-        stretches.append((member, *ends))
-        lost.append((1 - keep) * (length / reach))
-    lines, lo, hi, which = _fractions_of(model.mesh, stretches)
-    touched, each = np.unique(lines, return_inverse=True)
-    g = frame.lines(model.mesh, touched)
-    parts = some_lines(g, each)
-    share = np.array(lost)[which]
-    less = (
-        0.5
-        * (share[:, :, None] + share[:, None, :])
-        * end_flexibility(parts, flexible_fraction(parts, lo), flexible_fraction(parts, hi))
-    )
-    F = end_flexibility(g, np.zeros(len(g.L)), np.ones(len(g.L))).astype(less.dtype)
-    before = with_connections(g, _stiffness_from_flexibility(g, F))
-    np.subtract.at(F, each, less)
-    K = to_global(with_connections(g, _stiffness_from_flexibility(g, F)) - before, g.T_nodes)
-    return _damped(g, K)
+    """Return the increase of K and D where stretches of members are stiffer, as of :class:`Stretches`."""
+    stretches = Stretches.of(frame, model, zones)
+    return stretches.contribution(stretches.gain(flexibility))
 
 
 def at_least(length: Any, least: float) -> Any:
@@ -247,8 +336,25 @@ def end_flexibility(g: Lines, lo: Array, hi: Array) -> Array:
 
 def _stiffness_from_flexibility(g: Lines, F: Array) -> Array:
     """Return the local stiffness (b, 12, 12) of elements from the flexibility of their second ends."""
+    return _from_ends(g, np.linalg.inv(F))
+
+
+def _from_ends(g: Lines, S: Array) -> Array:
+    """Return matrices (b, 12, 12) for both ends from those (b, 6, 6) of the second ends."""
     E = np.zeros((len(g.L), 6, 12))  # motion of the second end relative to a rigid body on the first
     E[:, :, 6:] = np.eye(6)
     E[:, :, :6] = -np.eye(6)
     E[:, 1, 5], E[:, 2, 4] = -g.L, g.L
-    return np.swapaxes(E, 1, 2) @ np.linalg.inv(F) @ E
+    return np.swapaxes(E, 1, 2) @ S @ E
+
+
+def _slope_of(g: Lines, F: Array, dF: Array) -> Array:
+    """Return the derivative of the local stiffness of elements, from node to node, by that of F.
+
+    Where ends slip, the slips make the energy least: it changes by that of the element as it is bent.
+    """
+    dK = -_from_ends(g, np.linalg.solve(F, dF) @ np.linalg.inv(F))
+    if g.soft.size:
+        bent = np.eye(12) - line_slips(g, _stiffness_from_flexibility(g, F)[g.soft])
+        dK[g.soft] = np.swapaxes(bent, 1, 2) @ dK[g.soft] @ bent
+    return dK

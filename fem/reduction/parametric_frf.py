@@ -39,16 +39,18 @@ def _add_to(forces: _Forces, i: int, force: NDArray[np.complex128]) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _ScaledEffect:
-    """An effect whose matrices are only multiplied by parameters of other effects.
+    """An effect whose matrices are only multiplied by parameters of other effects, or follow them in tables.
 
     ``parameters`` are the rows of its parameters and their values in ``start``, the term there. That and the
     ``slopes`` by these are None if it is not linear in them. ``foreign`` are the rows of the others, their
     nominal values and which of K, M, C and D go in proportion (see :meth:`ReducedModel.scaling_of`).
+    ``followed`` are the rows of those that it :meth:`ReducedModel.follows`.
     """
 
     effect: Effect
     parameters: tuple[tuple[int, float], ...]
     foreign: tuple[tuple[int, float, Mapping[str, int]], ...]
+    followed: tuple[int, ...]
     start: ReducedTerm | None
     slopes: list[ReducedTerm] | None
 
@@ -190,19 +192,23 @@ class ParametricFRF:
     ) -> _ScaledEffect | None:
         """Return an effect whose matrices are only multiplied by parameters of others; None for another."""
         known, nominal = [], self.reduced.nominal
+        follows = self.reduced.follows(effect) if foreign else ()
+        followed = tuple(i for i in foreign if self.refs[i] in follows)
         for i in foreign:
+            if i in followed:
+                continue
             exponents = self.reduced.scaling_of(effect, self.refs[i])
             if exponents is None:
                 return None
             known.append((i, nominal[self.refs[i]], exponents))
         parameters = tuple((i, p.value) for i, p in zip(rows, free, strict=True))
         start = slopes = None
-        if all(p.linear for p in free):
+        if all(p.linear for p in free) and not followed:
             start = self.restrict(self.reduced.value_of(effect))
             slopes = [self.restrict(self.reduced.derivative_of(effect, p.name, p.value)) for p in free]
             if not all(np.array_equal(start.dofs, s.dofs) for s in slopes):  # type: ignore[arg-type]
                 start = slopes = None
-        return _ScaledEffect(effect, parameters, tuple(known), start, slopes)
+        return _ScaledEffect(effect, parameters, tuple(known), followed, start, slopes)
 
     def damped_range(
         self, zeta: NDArray[np.float64], now: Sequence[ReducedTerm]
@@ -305,18 +311,24 @@ class ParametricFRF:
             if moved[rows].any():
                 self.add(total, combined(terms, values[rows] - there[rows]), 1.0)
         for k, scaled in enumerate(self._scaled):
-            if not moved[[i for i, *_ in (*scaled.parameters, *scaled.foreign)]].any():
+            rows = [i for i, *_ in (*scaled.parameters, *scaled.foreign)]
+            if not moved[[*rows, *scaled.followed]].any():
                 continue
             alone[k] = self._term_of(scaled, values)
             for term, at, sign in ((known[k], there, -1.0), (alone[k], values, 1.0)):
                 self.add(total, term.scaled(scaled.factors(at)) if scaled.foreign else term, sign)
         return total, alone
 
+    def _beside(self, scaled: _ScaledEffect, values: NDArray[np.float64]) -> dict[ParameterRef, float]:
+        """Return the values of the parameters of others that an effect follows."""
+        return {self.refs[i]: float(values[i]) for i in scaled.followed}
+
     def _term_of(self, scaled: _ScaledEffect, values: NDArray[np.float64]) -> ReducedTerm:
         """Return the term of an effect before parameters of others multiply it."""
         term = scaled.start
         if term is None:
-            return self.restrict(self.reduced.value_of(self._now(scaled.effect, scaled.rows, values)))
+            now = self._now(scaled.effect, scaled.rows, values)
+            return self.restrict(self.reduced.value_of(now, beside=self._beside(scaled, values)))
         for (i, begin), slope in zip(scaled.parameters, scaled.slopes or (), strict=False):
             term = term.plus(slope, values[i] - begin)
         return term
@@ -375,12 +387,18 @@ class ParametricFRF:
         slopes: list[tuple[int, ReducedTerm]] = []
         for scaled, term in zip(self._scaled, alone, strict=False):
             factors, now = scaled.factors(values), self._now(scaled.effect, scaled.rows, values)
+            beside = self._beside(scaled, values)
             for k, i in enumerate(scaled.rows):
                 slope = (
                     scaled.slopes[k]
                     if scaled.slopes is not None
-                    else self.restrict(self.reduced.derivative_of(now, self.refs[i][1], float(values[i])))
+                    else self.restrict(
+                        self.reduced.derivative_of(now, self.refs[i][1], float(values[i]), beside=beside)
+                    )
                 )
+                slopes.append((i, slope.scaled(factors) if scaled.foreign else slope))
+            for i in scaled.followed:
+                slope = self.restrict(self.reduced.followed_derivative_of(now, self.refs[i], beside))
                 slopes.append((i, slope.scaled(factors) if scaled.foreign else slope))
             for i, _, exponents in scaled.foreign:
                 by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}

@@ -7,6 +7,7 @@ size of the mesh.
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,7 @@ _LACKING = 1e-8
 """Less than this part of a static response is in the basis but for rounding [-]."""
 
 _ALL = slice(None)
+_NONE: Mapping[ParameterRef, float] = MappingProxyType({})
 _UNITS, _LOCAL = 64, 2000
 """Effects whose matrices are kept: of those that act on much of the model, and of those on few DOFs."""
 
@@ -393,11 +395,16 @@ class ReducedModel:
         K, M, C, D = map(total, (c.K, c.M, c.C, c.D))
         return ReducedTerm(None, K, M, C, D)
 
-    def value_of(self, effect: Effect, model: Model | None = None) -> ReducedTerm:
-        """Project an effect at its present values, on the nominal model or on one with other values."""
+    def value_of(
+        self, effect: Effect, model: Model | None = None, beside: Mapping[ParameterRef, float] = _NONE
+    ) -> ReducedTerm:
+        """Project an effect at its present values, on the nominal model or on one with other values.
+
+        ``beside`` are values of parameters that :meth:`follows`.
+        """
         if model is None and (table := self._table_of(effect)) is not None:
-            K, M = table.matrices(parameter_values(effect))
-            return ReducedTerm(self._rows(table.dofs), K, M, None, None, (), table.dofs)
+            matrices = table.matrices(parameter_values(effect), self._beside(table, beside))
+            return self._tabulated(table, *matrices)
         if model is None and (sums := self._sums_of(effect)) is not None:
             return self._sum(effect, sums.factors(parameter_values(effect)))
         if model is not None:
@@ -414,6 +421,20 @@ class ReducedModel:
         if key is not None:
             (self._units if term.L is None else self._local).put(key, term)
         return term
+
+    def follows(self, effect: Effect) -> tuple[ParameterRef, ...]:
+        """Return the parameters of other effects with which the tables of an effect change."""
+        table = self._table_of(effect)
+        return () if table is None else tuple(ref for ref, *_ in table.follows)
+
+    def _beside(
+        self, table: TabulatedEffect, values: Mapping[ParameterRef, float]
+    ) -> dict[ParameterRef, float]:
+        nominal = self.nominal
+        return {ref: values.get(ref, nominal[ref]) for ref, *_ in table.follows}
+
+    def _tabulated(self, table: TabulatedEffect, K: Any, M: Any, D: Any) -> ReducedTerm:
+        return ReducedTerm(self._rows(table.dofs), K, M, None, D, (), table.dofs)
 
     def _table_of(self, effect: Effect) -> TabulatedEffect | None:
         """Return the tables of an effect that has some and touches few DOFs."""
@@ -459,12 +480,17 @@ class ReducedModel:
         return None if unit.laws else (unit, p.value)
 
     def derivative_of(
-        self, effect: Effect, parameter: str, value: float, model: Model | None = None
+        self,
+        effect: Effect,
+        parameter: str,
+        value: float,
+        model: Model | None = None,
+        beside: Mapping[ParameterRef, float] = _NONE,
     ) -> ReducedTerm:
         """Project an effect's derivative with respect to one of its parameters, by a complex step."""
         if model is None and (table := self._table_of(effect)) is not None:
-            K, M = table.slopes(parameter_values(effect) | {parameter: value}, parameter)
-            return ReducedTerm(self._rows(table.dofs), K, M, None, None, (), table.dofs)
+            values = parameter_values(effect) | {parameter: value}
+            return self._tabulated(table, *table.slopes(values, self._beside(table, beside), parameter))
         if model is None and (sums := self._sums_of(effect)) is not None:
             return self._sum(effect, *sums.slopes(parameter, value))
         unit = None if model or effect.parameters()[0].name != parameter else self._unit(effect)
@@ -490,6 +516,16 @@ class ReducedModel:
 
         out: Model = self._models.get((model.effects, *values.items()), there)
         return out
+
+    def followed_derivative_of(
+        self, effect: Effect, ref: ParameterRef, beside: Mapping[ParameterRef, float]
+    ) -> ReducedTerm:
+        """Project an effect's derivative with respect to a parameter that it :meth:`follows`."""
+        table = self._table_of(effect)
+        assert table is not None
+        return self._tabulated(
+            table, *table.slopes(parameter_values(effect), self._beside(table, beside), ref)
+        )
 
     def scaling_of(self, effect: Effect, ref: ParameterRef) -> Mapping[str, int] | None:
         """Return which of an effect's matrices are proportional to a foreign parameter (computed once).

@@ -67,8 +67,8 @@ def terms_in_series(
 
 def _alters(effect: Effect, soft: Effect, model: Model) -> bool:
     """Whether an effect changes what another one does."""
-    if not soft.gives_way or effect is soft:
-        return False
+    if not soft.gives_way or effect is soft or (soft.is_form and not effect.is_form):
+        return False  # stretches inside of connections follow the form of sections alone
     both = model if any(e is effect for e in model.effects) else model.with_effect(effect)
     return any(name == effect.name for name, _ in soft.refers_to(both))
 

@@ -458,6 +458,21 @@ def test_frequencies_lie_between_those_of_the_limits(kind, end):
         assert (found >= none * (1 - MESH)).all()
 
 
+@pytest.mark.parametrize("end", ["released", "sprung", "tapered"])
+def test_a_softer_stretch_is_that_of_the_section_with_its_form(end):
+    """All of a member that lies in a stretch has e^u times the stiffness of its section: K stays positive."""
+    model, u = member(ENDS[end]), -1.5
+    (frame,) = model.of_kind(Frame)
+    form = SectionForm(name="form", members=("beam",), frame=frame, Iy=-0.3, Iz=0.2, J=-0.1, shear=0.9)
+    zones = (("beam", 0.0, LENGTH, 1),)
+    clamp = ClampForm(name="clamp", zones=zones, place="end", frame=frame, shares=((1.0,) * 6,), u=u)
+    K, expected = (sums(model.with_effect(*some))[0] for some in ((form, clamp), (form,)))
+    if "stated" not in ENDS[end]:
+        assert abs(K - np.exp(u) * expected).max() <= 1e-9 * abs(expected).max()
+    scale = np.sqrt(np.outer(np.diag(K), np.diag(K)))
+    assert np.linalg.eigvalsh(K / scale).min() > -1e-12
+
+
 # ------------------------------------------------------------------------------------------ reduced models
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.hidden.cases import make_case
-from fem.effects import ClampForm, ZoneForm
+from fem.effects import ClampForm, SectionForm, ZoneForm
 from fem.effects.zone_form import IN_PLANE, SOFTEST, STIFFEST
 from fem.reduction import reduce_model
 from fem.tabulated import ChebyshevTable
@@ -40,6 +40,25 @@ def test_tables_give_values_and_slopes_of_the_effect(model, kind):
             for key in "KM":
                 A, B = np.asarray(found.dense(key)), np.asarray(exact.dense(key))
                 assert np.abs(A - B).max() <= 1e-6 * max(np.abs(B).max(), 1e-30)
+
+
+@pytest.mark.parametrize("kind", [ZoneForm, ClampForm])
+def test_tables_follow_the_form_of_sections(model, kind):
+    """Against the effect on a model that has the changed sections, and differences of that."""
+    model = model.with_effect(*SectionForm.propose(model))
+    reduced = reduce_model(model, np.eye(model.n_dof)[:, :6], 500.0)
+    for effect in kind.propose(model):
+        there = effect.with_values(u=0.7)
+        refs = reduced.follows(there)
+        assert {ref[1] for ref in refs} >= {"Iy", "Iz", "J"}
+        values = {ref: 0.3 - 0.1 * k for k, ref in enumerate(refs)}
+        found = reduced.value_of(there, beside=values).dense("K")
+        exact = reduced.value_of(there, model.with_values(values)).dense("K")
+        assert np.abs(found - exact).max() <= 1e-6 * np.abs(exact).max()
+        for ref in refs:
+            slope = reduced.followed_derivative_of(there, ref, values).dense("K")
+            more = reduced.value_of(there, beside=values | {ref: values[ref] + 1.0}).dense("K")
+            assert np.abs(slope - (more - found)).max() <= 1e-9 * np.abs(exact).max()
 
 
 def test_a_table_errs_as_its_poles_say():

@@ -92,6 +92,8 @@ class Forecast:
     vectors : ndarray (n, r)
         What a model without the effect leaves of its change, where it was asked for: v, unless the effect
         replaces an uncertain parameter.
+    moved : ndarray (n, n_refs)
+        How far uncertain parameters move against the change there, where vectors were asked for.
     changes : ndarray (n, m)
         Changes of the weighted residuals of the full band, where they were asked for.
     samples : ndarray (n, n_sampled)
@@ -111,6 +113,7 @@ class Forecast:
     share: Floats
     low: Floats
     vectors: Floats = field(repr=False)
+    moved: Floats = field(repr=False)
     changes: Complexes = field(repr=False)
     samples: NDArray[np.complex64] = field(init=False, repr=False)
 
@@ -227,6 +230,7 @@ class Forecast:
             share=np.empty(n),
             low=np.empty(n),
             vectors=np.empty((n if vectors else 0, look.slopes.shape[1])),
+            moved=np.empty((n if vectors else 0, len(look.refs))),
             changes=np.empty((n if changes else 0, m), dtype=complex),
         )
         out.samples = np.empty((n if vectors else 0, len(out._sampled)), dtype=np.complex64)
@@ -265,6 +269,7 @@ class Forecast:
         self.share[rows] = -a * (2 * slope + a * square) / np.maximum(to_take, LEAST_SQUARE)
         if len(self.vectors):
             self.vectors[rows] = look.whitened(beyond)
+            self.moved[rows] = look.moved(change)
 
     def _changes(self) -> Iterator[tuple[Ints, Complexes]]:
         """Yield rows and the changes of all residuals there, of some candidates at a time."""

@@ -484,37 +484,44 @@ class Look(Generic[P, C]):
                 moved[rows] -= moved[np.ix_(rows, fixed)] @ by_fixed
         return moved
 
-    def hidden_by(self, change: Complexes, most: int = 2) -> list[tuple[ParameterRef, float]]:
-        """Return the nuisance parameters that take most of a change (m,), that which takes most first.
+    def moved(self, change: Complexes) -> Floats:
+        """Return how far the nuisance parameters ``refs`` move against changes of residuals, (n, n_refs)."""
+        known = np.zeros((len(change), len(self.off)))
+        return self._moved(change, known, {})[:, : len(self.refs)]
 
-        With each comes by what factor less of the change would be seen if it and those before it were known
-        exactly.
+    def hidden_by(
+        self, lengths: Floats, moved: Floats, sizes: Floats, most: int = 2
+    ) -> list[tuple[ParameterRef, int, float]]:
+        """Return the nuisance parameters that hide most of a kind of effect, that which hides most first.
+
+        With each comes the place at which the least size is seen if it and those before it are known exactly,
+        and by what factor less that is than what is seen there now. If an unknown j that would move by x_j
+        stays, the square of what is left rises by x_j² / C_jj, with the covariance C of all that moves.
+
+        Parameters
+        ----------
+        lengths, moved : ndarray (n,), (n, n_refs)
+            Lengths of whitened changes at n places beyond what may vary, and :meth:`moved` of the changes.
+        sizes : ndarray (n,)
+            Least sizes that are seen, finite.
         """
-        fixed, out = list[ParameterRef](), list[tuple[ParameterRef, float]]()
-        first = self._left(change, fixed)
-        for _ in range(min(most, len(self.refs)) if first > 0 else 0):
-            fixed.append(self._takes_most(change, fixed))
-            out.append((fixed[-1], self._left(change, fixed) / first))
+        n = len(self.refs)
+        C, square = self._nuisances[0][:n, :n], (lengths**2)[:, None]
+        least = SMALL * C.diagonal()
+        fixed, out = list[int](), list[tuple[ParameterRef, int, float]]()
+        for _ in range(min(most, n) if len(sizes) else 0):
+            by_fixed = np.linalg.solve(C[np.ix_(fixed, fixed)], C[fixed])
+            x = moved - moved[:, fixed] @ by_fixed
+            known = np.linalg.solve(C[np.ix_(fixed, fixed)], moved[:, fixed].T)
+            left = square + (known.T * moved[:, fixed]).sum(axis=1)[:, None]
+            rise = x**2 / np.maximum(C.diagonal() - (C[:, fixed] * by_fixed.T).sum(axis=1), least)
+            factors = np.sqrt((left + rise) / square)
+            after = sizes[:, None] / factors
+            after[:, fixed] = np.inf
+            place, j = np.unravel_index(int(np.argmin(after)), after.shape)
+            fixed.append(int(j))
+            out.append((self.refs[j], int(place), float(factors[place, j])))
         return out
-
-    def _left(self, change: Complexes, fixed: Sequence[ParameterRef]) -> float:
-        """Return the length of a whitened change beyond what may vary while some parameters stay."""
-        return float(np.linalg.norm(self.whitened(self.adapted(change[None], fixed))))
-
-    def _takes_most(self, change: Complexes, fixed: Sequence[ParameterRef]) -> ParameterRef:
-        """Return the parameter without which most of a change would be left, beside some that stay.
-
-        If an unknown j that would move by x_j stays, too, the square of what is left rises by x_j² / C_jj,
-        with the covariance C of all that moves.
-        """
-        C, *_ = self._nuisances
-        variance, n = C.diagonal().copy(), len(self.refs)
-        if rows := [k for k, ref in enumerate(self.refs) if ref in fixed]:
-            variance -= (C[:, rows] * np.linalg.solve(C[np.ix_(rows, rows)], C[rows]).T).sum(axis=1)
-        x = self._moved(change[None], np.zeros((1, len(self.off))), {tuple(fixed): [0]})[0, :n]
-        gain = x**2 / np.maximum(variance[:n], SMALL * C.diagonal()[:n])
-        gain[rows] = -np.inf
-        return self.refs[int(np.argmax(gain))]
 
     @cached_property
     def _pairs(self) -> Floats:

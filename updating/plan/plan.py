@@ -104,15 +104,15 @@ class Plan:
         return out
 
     def hidden(self, some: Sequence[Outlook]) -> list[tuple[ParameterRef, Effect | None]]:
-        """Return the uncertain parameters that hide most of effects of one kind, where they are seen best.
+        """Return the uncertain parameters that hide most of effects of one kind.
 
-        With each comes the least size that would be seen if it and those before it were known exactly.
+        With each comes the least size that would be seen if it and those before it were known exactly: at the
+        place that is then the best one.
         """
-        best = min(some, key=lambda o: o.visible.least)
-        x, out = best.visible, list[tuple[ParameterRef, Effect | None]]()
-        for ref, more in self.visibility.hidden_by(x):
-            effect = x.at(x.enough[0] / more)
-            out.append((ref, None if effect is None else _towards(effect, best.relevant)))
+        outlooks, out = {id(o.visible): o for o in some}, list[tuple[ParameterRef, Effect | None]]()
+        for ref, x, amplitude in self.visibility.hidden_by([o.visible for o in some]):
+            effect = x.at(amplitude)
+            out.append((ref, None if effect is None else _towards(effect, outlooks[id(x)].relevant)))
         return out
 
     @property

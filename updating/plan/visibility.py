@@ -91,6 +91,10 @@ class Visible:
         That, of about the size at which it is seen: it imitates the effect best.
     alike : float
         Cosine of the angle between what both do [-].
+    length : float
+        Of a little of it in whitened residuals, beyond all that may vary.
+    moved : ndarray (n_refs,)
+        How far uncertain parameters move against a little of it, as of :meth:`Look.moved`.
     """
 
     little: Little
@@ -99,6 +103,8 @@ class Visible:
     nats: tuple[float, float]
     rival: Effect
     alike: float
+    length: float
+    moved: Floats
 
     @property
     def effect(self) -> Effect:
@@ -220,6 +226,8 @@ class Visibility:
                 nats=(wanted[i], over_rival[n]),
                 rival=forecast.effect_at(j, slight[j]),
                 alike=float(alike[n]),
+                length=float(self._rivals.lengths[i]),
+                moved=forecast.moved[i],
             )
             for n, (i, j) in enumerate(zip(rows.tolist(), rival.tolist(), strict=True))
         )
@@ -236,10 +244,16 @@ class Visibility:
     def _rivals(self) -> "Rivals":
         return Rivals.of(self.forecast, self.against)
 
-    def hidden_by(self, x: Visible) -> list[tuple[ParameterRef, float]]:
-        """Return the uncertain parameters that hide most of an effect, as of :meth:`Look.hidden_by`."""
-        look = self.forecast.look
-        return look.hidden_by(look.small_changes(x.little)[x.position, look.residuals.full_band])
+    def hidden_by(self, some: Sequence[Visible]) -> list[tuple[ParameterRef, Visible, float]]:
+        """Return the uncertain parameters that hide most of a kind of effect, by :meth:`Look.hidden_by`.
+
+        With each comes the place at which that kind is then seen best, and the least multiple there.
+        """
+        some = [x for x in some if np.isfinite(x.least) and x.length > 0]
+        lengths, sizes = (np.array([getattr(x, key) for x in some]) for key in ("length", "least"))
+        moved = np.array([x.moved for x in some])
+        found = self.forecast.look.hidden_by(lengths, moved, sizes)
+        return [(ref, x := some[k], x.enough[0] / factor) for ref, k, factor in found]
 
 
 def visibility(
