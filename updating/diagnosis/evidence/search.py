@@ -370,8 +370,10 @@ class Search(Generic[P]):
         if damped and looked:
             trials = self.from_afar(base, damped, looked)
             tried = self.workers.map(_ended, (self.fits, free, base), trials)
+            if self.explains(base):  # what it is bent by may be so
+                tried += self.from_near(base, free, now, far=False)
         else:
-            tried = self.from_near(base, free, now)
+            tried = self.from_near(base, free, now, far=far)
         best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
         tried = sorted(best.values(), key=lambda h: -h.score)
         final = self.budget.n_final
@@ -426,25 +428,26 @@ class Search(Generic[P]):
                 out[p.parent] = out.get(p.parent, ()) + springs
         return out
 
-    def from_near(self, base: Hypothesis, free: P, now: float) -> list[Hypothesis]:
+    def from_near(self, base: Hypothesis, free: P, now: float, *, far: bool) -> list[Hypothesis]:
         """Return candidates that a look at small changes asks for, fitted on few lines.
 
-        ``now`` is the score of the base on these lines.
+        ``now`` is the score of the base on these lines. If it is taken for ``far`` from the data, short fits
+        do not bend the form towards what is missing; else they begin with the form as it is there.
         """
         what = f"effects in addition to {labels(base.effects)}" if base.effects else "effects"
         self.tell(f"looking at {len(self.candidates)} {what}")
-        quick, _ = self.fits.problems(base)
+        quick = self.fits.problems(base)[0] if far else free
         kept = values_of(base.effects)
-        proposals = sorted(self.proposals(base, quick), key=lambda p: -p.worth)
+        proposals = sorted(self.proposals(base, quick, far=far), key=lambda p: -p.worth)
         # Fits that begin where uncertain parameters stand for what is missing stay there.
-        near = free.far_start(base.fitted) if self.fits.is_far(base) else None
+        near = free.far_start(base.fitted) if far else None
         settled = self.settled(base)
         # Beside what explains the data all is nearly linear: fits reach what the looks promise.
         behind = TWIN_NATS if settled else 2 * TWIN_NATS
         best = now if self.explains(base) else -np.inf
         # Near the data the looks say which effects deserve a fit, and few do; all else must follow each of
         # them. With modes more deserve one beside what explains nothing.
-        few = not self.fits.is_far(base) and (settled or self.fits.ranking.precise_looks)
+        few = not far and (settled or self.fits.ranking.precise_looks)
         steps = QUICK_STEPS if few else SHORT_STEPS
         short: list[tuple[list[Hypothesis], bool]] = []
         rest = [p for p in proposals if p.starts]
@@ -579,9 +582,9 @@ class Search(Generic[P]):
 
     # proposals ----------------------------------------------------------------------------------------------
 
-    def proposals(self, base: Hypothesis, quick: P) -> list[NextHypotheses]:
+    def proposals(self, base: Hypothesis, quick: P, *, far: bool) -> list[NextHypotheses]:
         """Return effects that may be added."""
-        current, far = base.fitted, self.fits.is_far(base)
+        current = base.fitted
         ranked: tuple[Scanned, ...] = ()
         # Near FRFs what small changes gain says enough of where to look.
         if far or not (base.effects or self.settled(base)) or not self.fits.ranking.precise_looks:
@@ -591,7 +594,7 @@ class Search(Generic[P]):
             self._keep_scan(ranked)
         compatible, settled = self.compatible_with(base.effects), self.settled(base)
         singles = [s for s in ranked if len(s.places) == 1]
-        now = self.fits.without_fixed(base)
+        now = self.fits.without_fixed(base) if far else current
         parents = list(dict.fromkeys(s.places[0].parent for s in singles))[: self.budget.n_places]
         names_at = [{e.name for p in self.places if p.parent == one for e in p.effects} for one in parents]
         there = set[str]().union(*names_at)
@@ -621,7 +624,7 @@ class Search(Generic[P]):
             NextHypotheses((s.effect,), s.starts, s.gain - against(s.effect), s.effect.name in first)
             for s in chosen
         ]
-        return out + self.blocks(base, quick, now, ranked, key_of(compatible))
+        return out + self.blocks(base, quick, now, ranked, key_of(compatible), far=far)
 
     def _keep_scan(self, scanned: tuple[Scanned, ...]) -> None:
         """Keep the places that explain the misfit without effects, and say the first of them."""
@@ -653,6 +656,8 @@ class Search(Generic[P]):
         now: FitResult,
         ranked: Sequence[Scanned],
         names: Set[str],
+        *,
+        far: bool,
     ) -> list[NextHypotheses]:
         """Return the springs of a connection in all directions, and of two connections.
 
@@ -665,7 +670,7 @@ class Search(Generic[P]):
         both = (s.places for s in ranked if len(s.places) == 2)
         pairs = (tuple(e for p in places for e in springs.get(p.parent, ())) for places in both)
         two = [pair for pair in pairs if pair][: self.budget.n_pairs]
-        ranked_blocks = self.fits.ranking.blocks(quick, now, far=self.fits.is_far(base))
+        ranked_blocks = self.fits.ranking.blocks(quick, now, far=far)
         alone = ranked_blocks(near or list(springs.values())[: self.budget.most_connections])
         first = [each[0].effects for each in alone[: self.budget.most_paired]]
         paired = ranked_blocks([*two, *(a + b for a, b in combinations(first, 2))])
@@ -679,7 +684,7 @@ class Search(Generic[P]):
         out: dict[frozenset[str], NextHypotheses] = {}
         for each in chosen:
             is_first = each[0].effects in near[:1]
-            if self.fits.is_far(base):
+            if far:
                 more, wins = self.block_starts(each[0].effects, each[-1].start.near), True
             else:  # small changes say enough
                 each, wins = self.paying(base, each, ranked_blocks)
