@@ -46,16 +46,18 @@ CHANNEL_UNITS = "-", "rad", "rad", "m", "m"
 ALONG_AXIS = 0.999
 """Component of a direction from which on it is called by the name of its axis [-]."""
 _FORM = {
-    "u": "stiffness (logarithm)",
-    "plane": "stiffness in its plane (logarithm)",
-    "mass": "mass (relative)",
-    "inertia": "rotary inertia (relative)",
-    "A": "mass per length (relative)",
-    "Iy": "Iy (relative)",
-    "Iz": "Iz (relative)",
-    "J": "J (relative)",
-    "shear": "shear flexibility (relative)",
+    "u": "stiffness",
+    "plane": "stiffness in its plane",
+    "mass": "mass",
+    "inertia": "rotary inertia",
+    "A": "mass per length",
+    "Iy": "Iy",
+    "Iz": "Iz",
+    "J": "J",
+    "shear": "shear flexibility",
 }
+LOGARITHMS = ("u", "plane")
+"""Parameters of the form that are the logarithm of a factor."""
 ADDED = {"mass": "mass", "across": "stiffness across the force"}
 """What an instrument adds, by the parameter of its form."""
 _QUANTITIES = {
@@ -98,6 +100,16 @@ class UncertainValue:
     def moved(self) -> float:
         """Return how far the fit went from nominal, in prior standard deviations; NaN if it did not vary."""
         return (self.fitted - self.nominal) / self.prior_std if self.prior_std > 0 else np.nan
+
+    @property
+    def stays(self) -> bool:
+        """Whether the fit left it within its standard deviation of nominal."""
+        return not self.at_bound and abs(self.fitted - self.nominal) <= self.std
+
+    @property
+    def is_logarithm(self) -> bool:
+        """Whether it is the logarithm of a factor, as of a connection's stiffness."""
+        return bool(self.form_of) and self.name.rpartition(".")[2] in LOGARITHMS
 
     @property
     def far(self) -> bool:
