@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.file.contents import StudyContents
+from dovetail.frf_modes import ModesInFrfs
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
@@ -161,6 +162,8 @@ class RunResult(Generic[V]):
         Where the files are.
     measured_modes : ModeTable or None
         Measured modes, fitted or held out, and those of the model of each step.
+    identified : ModesInFrfs or None
+        Modes in the measured FRFs beside computed ones, of a study that has no measured modes.
     excluded : Plan or None
         What data in which nothing is missing would have shown.
     reported : ReportedModes or None
@@ -178,6 +181,7 @@ class RunResult(Generic[V]):
     localisation: Localisation | None = None
     modes: tuple[FittedModePair, ...] = ()
     measured_modes: ModeTable | None = None
+    identified: ModesInFrfs | None = None
     excluded: Plan | None = None
     reported: ReportedModes | None = None
 
@@ -530,6 +534,7 @@ def _compared_frfs(result: RunResult[Verdict], d: Diagnosis) -> dict[str, Any]:
             for m in result.modes
         ],
         **modes_dict(result.measured_modes),
+        **({} if result.identified is None else {"identified_modes": result.identified.rows()}),
         "misfit": localisation_dict(result.localisation) if result.localisation else None,
     }
 

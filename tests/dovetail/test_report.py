@@ -615,3 +615,20 @@ def test_uncertain_parameters_that_did_not_move_are_folded(found):
     _, table = uncertain.page(both, None).blocks
     assert table.n_shown == 6
     assert [row[0] for row in table.rows[:6]] == [u.words for u in far[:6]]
+
+
+def test_modes_in_the_frfs_stand_beside_the_models_where_none_were_given(found, album):
+    modes = found.identified
+    rows = modes.rows()
+    assert len(rows) >= 3
+    paired = [r for r in rows if r["reported_Hz"] is not None]
+    assert len(paired) >= 3
+    for r in paired:
+        assert r["reported_Hz"] == pytest.approx(r["measured_Hz"], rel=5e-3)
+        assert r["mac_reported"] > 0.95
+    assert modes.comac.shape == (len(modes.measured.sensors),)
+    assert (modes.comac > 0.9).all()
+    assert result_dict(found)["identified_modes"] == rows
+    page = report_html(found, album)
+    assert "these modes were identified in the FRFs" in page
+    assert "CoMAC of each sensor" in page
