@@ -107,7 +107,8 @@ def _identified(found: ModesInFrfs, shown: "Shown") -> list[Block | None]:
     """Return modes that were identified in FRFs beside computed ones, MAC, and CoMAC."""
     text = (
         "The study has FRFs and no measured modes: these modes were identified in the FRFs. Their partners "
-        "have the most similar shape near their frequency. No fit saw them; the FRFs were fitted."
+        "have the most similar shape near their frequency. No fit saw them; the FRFs were fitted. "
+        "Columns of models have their deviation from the measured frequency; ζ is the damping ratio."
     )
     rows = []
     for k, mode in enumerate(found.rows(), 1):
@@ -117,8 +118,8 @@ def _identified(found: ModesInFrfs, shown: "Shown") -> list[Block | None]:
         damping = [cells.number(100 * known[f"damping_{of}"], 3) for of in ("measured", "reported")]
         macs = [cells.decimals(known[f"mac_{model}"], 3) for model in ("nominal", "reported")]
         rows.append([k, f"{f:.5g}", *shifts, *damping, *macs])
-    head = ["mode", "measured [Hz]", "nominal [%]", "reported [%]", "damping measured [%]"]
-    head += ["damping reported [%]", "MAC nominal", "MAC reported"]
+    head = ["mode", "measured [Hz]", "nominal [%]", "reported [%]", "ζ measured [%]", "ζ reported [%]"]
+    head += ["MAC nominal", "MAC reported"]
     pairs = TableBlock(head, rows, numbers=range(8), caption="Modes in the measured FRFs", at_most=25)
     map_ = shown.figure("mac", "Modal assurance criteria as a map.", MAC, ["mac"])
     names = [s.name for s in found.measured.sensors]
