@@ -5,13 +5,13 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Generic, TypeAlias, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dovetail.distribution import DISTRIBUTION
 from dovetail.file.contents import StudyContents
-from dovetail.frf_modes import ModesInFrfs
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
@@ -29,6 +29,9 @@ from updating.inference.parameters import DampingCurve
 from updating.measurement.measurement import Measurement
 from updating.plan.plan import Plan
 from updating.quality.faults import Fault
+
+if TYPE_CHECKING:
+    from dovetail.frf_modes import ModesInFrfs
 
 SCHEMA = "dovetail-result/2"
 REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
@@ -181,7 +184,7 @@ class RunResult(Generic[V]):
     localisation: Localisation | None = None
     modes: tuple[FittedModePair, ...] = ()
     measured_modes: ModeTable | None = None
-    identified: ModesInFrfs | None = None
+    identified: "ModesInFrfs | None" = None
     excluded: Plan | None = None
     reported: ReportedModes | None = None
 
@@ -301,7 +304,7 @@ def axis_text(t: ArrayLike) -> str:
 def program_version() -> str:
     """Return the version of the program."""
     try:
-        return metadata.version("dovetail")
+        return metadata.version(DISTRIBUTION)
     except metadata.PackageNotFoundError:
         return "unknown"
 

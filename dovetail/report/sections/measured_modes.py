@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dovetail.frf_modes import ModesInFrfs
 from dovetail.report import cells
 from dovetail.report.blocks import Block, Details, TableBlock, Text
 from dovetail.report.table import Column, Table
@@ -15,6 +14,7 @@ from updating.diagnosis.mode_table import Floats, ModeTable
 from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:
+    from dovetail.frf_modes import ModesInFrfs
     from dovetail.report.drawings import Album
     from dovetail.report.shown import Shown
     from viz.chart import Chart
@@ -103,7 +103,7 @@ def page(result: RunResult[Verdict], shown: "Shown") -> list[Block | None]:
     ]
 
 
-def _identified(found: ModesInFrfs, shown: "Shown") -> list[Block | None]:
+def _identified(found: "ModesInFrfs", shown: "Shown") -> list[Block | None]:
     """Return modes that were identified in FRFs beside computed ones, MAC, and CoMAC."""
     text = (
         "The study has FRFs and no measured modes: these modes were identified in the FRFs. Their partners "
