@@ -18,7 +18,7 @@ SPLIT = ("dovetail.report", "dovetail.notebook", "viz.interactive")
 # each step may import what is named here and above it
 MAY_IMPORT = {
     "import dovetail": "dovetail fem fem.lazy",
-    "--version": "dovetail.cli viz viz.offscreen",
+    "--version": "dovetail.cli dovetail.distribution viz viz.offscreen",
     "--help": "",
     "modes": """
         dovetail.commands dovetail.disk dovetail.file dovetail.study
