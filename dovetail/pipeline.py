@@ -14,7 +14,13 @@ from dovetail.file.contents import StudyContents, has_modes_alone, measured, wit
 from dovetail.file.paths import input_files
 from dovetail.file.settings import N_BANDS
 from dovetail.found import found_text
-from dovetail.modes_pipeline import by_modes, diagnose_study_modes, first_state, targets_of
+from dovetail.modes_pipeline import (
+    by_modes,
+    diagnose_study_modes,
+    first_state,
+    modes_in_frfs,
+    targets_of,
+)
 from dovetail.result import (
     FOUND,
     FRFS,
@@ -157,8 +163,6 @@ def analysed(
 
 def _compared_frfs(study: StudyContents, d: Diagnosis) -> dict[str, Any]:
     """Return what measured FRFs tell beside the diagnosis."""
-    from dovetail.frf_modes import modes_in_frfs
-
     problem, steps = d.problem, d.steps
     nominal, _, fitted = modes_of(d)
     frfs = (d.frf(k) for k in range(len(steps)))

@@ -33,7 +33,7 @@ MAY_IMPORT = {
     "static": "",
     "check": "fem.checks",
     "compare": """
-        dovetail.found dovetail.modes_pipeline dovetail.pipeline dovetail.result
+        dovetail.found dovetail.frf_modes dovetail.modes_pipeline dovetail.pipeline dovetail.result
         dovetail.report.probable dovetail.report.words
         updating.diagnosis updating.forecast updating.least_squares updating.modal updating.plan
         fem.reduction
