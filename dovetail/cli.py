@@ -271,8 +271,10 @@ class _Version(argparse.Action):
         """Print the version and exit."""
         from importlib import metadata
 
+        from dovetail.distribution import DISTRIBUTION
+
         try:
-            version = metadata.version("dovetail")
+            version = metadata.version(DISTRIBUTION)
         except metadata.PackageNotFoundError:
             version = "(not installed)"
         sys.stdout.write(f"dovetail {version}\n")

@@ -10,8 +10,12 @@ import numpy as np
 from dovetail.file.contents import StudyContents
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError
+from dovetail.frf_modes import ModesInFrfs
+from fem.analysis.modes import Modes
 from fem.model import Effect, Model
+from updating.correlation import comac, compare_modes
 from updating.diagnosis.diagnose_modes import diagnose_modes
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.mode_diagnosis import Baseline, ModeDiagnosis
 from updating.diagnosis.states import changed_problem
 from updating.inference.formed import formed_mode_problem
@@ -21,7 +25,9 @@ from updating.measurement.measurement import (
     Measurement,
     at_one_place,
     references_of,
+    sensor_rows,
     shapes_like_motions,
+    with_resting_base,
 )
 from updating.modal.identification import IdentificationError, identify_modes
 from updating.modal.identified_modes import IdentifiedModes
@@ -210,3 +216,38 @@ def _driving(m: Measurement) -> list[tuple[str, str]] | None:
         if at_one_place(s, e, 1e-9) > 0 and s.direction @ e.direction > 1 - 1e-9
     ]
     return pairs or None
+
+
+def modes_in_frfs(study: StudyContents, d: Diagnosis, nominal: Modes, reported: Modes) -> ModesInFrfs | None:
+    """Identify modes in the measured FRFs and pair them with computed ones.
+
+    None where the study has measured modes, or where the FRFs do not allow it: amplitudes without phase, or
+    no mode that stands out.
+
+    Parameters
+    ----------
+    study : StudyContents
+    d : Diagnosis
+    nominal, reported : Modes
+        Of the nominal and of the reported model, with a row for every DOF.
+    """
+    frf = d.measured
+    if d.problem.modes is not None or not frf.has_phase:
+        return None
+    try:
+        data = with_more_sensors(d.problem.data.measurement.with_frf(frf), study.model)
+        found, _ = modes_in(data, study.band, study.shape_limits)
+        measured = as_measured(found, data)
+    except (IdentificationError, StudyError):
+        return None
+    rows = sensor_rows(d.model, measured.sensors)
+    before = sensor_rows(with_resting_base(d.problem.reduced.model), measured.sensors)
+    pairs = {
+        "nominal": compare_modes(measured.modes, nominal, before),
+        "reported": compare_modes(measured.modes, reported, rows),
+    }
+    same = np.array(pairs["reported"].pairs, dtype=np.int64).reshape(-1, 2)
+    known = np.full(len(rows), np.nan)
+    if len(same) > 1:  # of one pair all values are 1
+        known = comac(measured.modes.shapes[:, same[:, 0]], rows @ reported.shapes[:, same[:, 1]])
+    return ModesInFrfs(measured, reported, pairs, known)

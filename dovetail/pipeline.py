@@ -14,7 +14,13 @@ from dovetail.file.contents import StudyContents, has_modes_alone, measured, wit
 from dovetail.file.paths import input_files
 from dovetail.file.settings import N_BANDS
 from dovetail.found import found_text
-from dovetail.modes_pipeline import by_modes, diagnose_study_modes, first_state, targets_of
+from dovetail.modes_pipeline import (
+    by_modes,
+    diagnose_study_modes,
+    first_state,
+    modes_in_frfs,
+    targets_of,
+)
 from dovetail.result import (
     FOUND,
     FRFS,
@@ -166,6 +172,7 @@ def _compared_frfs(study: StudyContents, d: Diagnosis) -> dict[str, Any]:
         "localisation": locate(problem, steps[min(1, len(steps) - 1)].result, N_BANDS),
         "modes": pair_modes(nominal, fitted, d.model.mesh.n_points),
         "measured_modes": measured_modes(d),
+        "identified": modes_in_frfs(study, d, nominal, fitted),
     }
 
 

@@ -5,11 +5,12 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Generic, TypeAlias, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dovetail.distribution import DISTRIBUTION
 from dovetail.file.contents import StudyContents
 from fem.model import Effect
 from updating.correlation import DB_PER_NEPER, Comparison
@@ -29,6 +30,9 @@ from updating.measurement.measurement import Measurement
 from updating.plan.plan import Plan
 from updating.quality.faults import Fault
 
+if TYPE_CHECKING:
+    from dovetail.frf_modes import ModesInFrfs
+
 SCHEMA = "dovetail-result/2"
 REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "pictures"
 FOUND = "found.toml"
@@ -46,16 +50,18 @@ CHANNEL_UNITS = "-", "rad", "rad", "m", "m"
 ALONG_AXIS = 0.999
 """Component of a direction from which on it is called by the name of its axis [-]."""
 _FORM = {
-    "u": "stiffness (logarithm)",
-    "plane": "stiffness in its plane (logarithm)",
-    "mass": "mass (relative)",
-    "inertia": "rotary inertia (relative)",
-    "A": "mass per length (relative)",
-    "Iy": "Iy (relative)",
-    "Iz": "Iz (relative)",
-    "J": "J (relative)",
-    "shear": "shear flexibility (relative)",
+    "u": "stiffness",
+    "plane": "stiffness in its plane",
+    "mass": "mass",
+    "inertia": "rotary inertia",
+    "A": "mass per length",
+    "Iy": "Iy",
+    "Iz": "Iz",
+    "J": "J",
+    "shear": "shear flexibility",
 }
+LOGARITHMS = ("u", "plane")
+"""Parameters of the form that are the logarithm of a factor."""
 ADDED = {"mass": "mass", "across": "stiffness across the force"}
 """What an instrument adds, by the parameter of its form."""
 _QUANTITIES = {
@@ -98,6 +104,16 @@ class UncertainValue:
     def moved(self) -> float:
         """Return how far the fit went from nominal, in prior standard deviations; NaN if it did not vary."""
         return (self.fitted - self.nominal) / self.prior_std if self.prior_std > 0 else np.nan
+
+    @property
+    def stays(self) -> bool:
+        """Whether the fit left it within its standard deviation of nominal."""
+        return not self.at_bound and abs(self.fitted - self.nominal) <= self.std
+
+    @property
+    def is_logarithm(self) -> bool:
+        """Whether it is the logarithm of a factor, as of a connection's stiffness."""
+        return bool(self.form_of) and self.name.rpartition(".")[2] in LOGARITHMS
 
     @property
     def far(self) -> bool:
@@ -149,6 +165,8 @@ class RunResult(Generic[V]):
         Where the files are.
     measured_modes : ModeTable or None
         Measured modes, fitted or held out, and those of the model of each step.
+    identified : ModesInFrfs or None
+        Modes in the measured FRFs beside computed ones, of a study that has no measured modes.
     excluded : Plan or None
         What data in which nothing is missing would have shown.
     reported : ReportedModes or None
@@ -166,6 +184,7 @@ class RunResult(Generic[V]):
     localisation: Localisation | None = None
     modes: tuple[FittedModePair, ...] = ()
     measured_modes: ModeTable | None = None
+    identified: "ModesInFrfs | None" = None
     excluded: Plan | None = None
     reported: ReportedModes | None = None
 
@@ -285,7 +304,7 @@ def axis_text(t: ArrayLike) -> str:
 def program_version() -> str:
     """Return the version of the program."""
     try:
-        return metadata.version("dovetail")
+        return metadata.version(DISTRIBUTION)
     except metadata.PackageNotFoundError:
         return "unknown"
 
@@ -518,6 +537,7 @@ def _compared_frfs(result: RunResult[Verdict], d: Diagnosis) -> dict[str, Any]:
             for m in result.modes
         ],
         **modes_dict(result.measured_modes),
+        **({} if result.identified is None else {"identified_modes": result.identified.rows()}),
         "misfit": localisation_dict(result.localisation) if result.localisation else None,
     }
 

@@ -25,7 +25,7 @@ from dovetail.file.effects import candidate_named, candidates_of, with_given_val
 from dovetail.file.faults import as_mounted
 from dovetail.file.paths import input_files
 from dovetail.file.settings import N_BANDS
-from dovetail.file.table import StudyError, suggest
+from dovetail.file.table import StudyError, StudyFileError, suggest
 from dovetail.file.writing import rebased_values
 from dovetail.notebook.html import inner, table
 from dovetail.notebook.responses import StudyFRF
@@ -560,10 +560,13 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEE
     ------
     StudyError
         If something in it cannot be meant; the message names file, line and key.
-    OSError
-        If the file cannot be opened.
+    StudyFileError
+        If the file cannot be opened, as the command line says it; also an OSError.
     """
-    read = config.load_study(path, needs)
+    try:
+        read = config.load_study(path, needs)
+    except OSError as reason:
+        raise StudyFileError(reason.errno, reason.strerror, str(reason.filename or path)) from reason
     return Study(**{f.name: getattr(read, f.name) for f in fields(read)})
 
 

@@ -9,6 +9,7 @@ from dovetail.file.config import StudyContents, read_study
 from dovetail.file.contents import measured, without_held_out
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError, suggest
+from dovetail.file.toml import FITTED_DIGITS
 from dovetail.found import text_with_model, values_in, with_test
 from dovetail.modes_pipeline import (
     as_measured,
@@ -28,7 +29,7 @@ from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, sensor_rows, with_resting_base
 from updating.modal.identified_modes import IdentifiedModes
 
-WRITTEN_VALUE_TOLERANCE = 1e-9
+WRITTEN_VALUE_TOLERANCE = 10.0 ** (1 - FITTED_DIGITS)
 """Values of a written study differ by no more than this from those of the update, relatively [-]."""
 
 

@@ -28,6 +28,14 @@ class StudyError(ValueError):
     """A fault of a study file; the message names file, line and key."""
 
 
+class StudyFileError(OSError, StudyError):  # OSError makes it, with errno and filename
+    """A study file, or one that it names, that cannot be opened; the message is that of the command line."""
+
+    def __str__(self) -> str:
+        """Return the file and the reason."""
+        return f"{self.filename}: {self.strerror}"
+
+
 class MissingKeyError(StudyError):
     """A key that a table must have and has not.
 

@@ -26,7 +26,7 @@ def percent(std: float, value: float) -> str:
 def shift(before: float, after: float) -> str:
     """Return a change in percent, with its sign."""
     return (
-        f"{100 * (after / before - 1):+.2f}".replace("-", "−")
+        f"{round(100 * (after / before - 1), 2) + 0.0:+.2f}".replace("-", "−")
         if math.isfinite(before) and min(before, after) > 0
         else "–"
     )

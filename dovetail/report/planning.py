@@ -120,7 +120,7 @@ def _uncertain(plan: Plan, refs: Sequence[ParameterRef]) -> str:
         unit = next(p.unit for p in effect.parameters() if p.name == parameter)
         form = words.place(effect.where) if effect.is_form else ""
         text = uncertain_words(f"{name}.{parameter}", unit, form).removeprefix(f"{form}: ")
-        out.setdefault(form, []).append(text.partition(" (")[0])
+        out.setdefault(form, []).append(text)
     return "; ".join(f"{form}: {', '.join(some)}" if form else ", ".join(some) for form, some in out.items())
 
 

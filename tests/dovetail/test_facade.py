@@ -120,3 +120,13 @@ def test_a_diagnosis_a_fit_and_an_update_give_one_answer(tmp_path):
         for values, deviations in ((again.values, again.std), (ours, std)):
             assert values[ref] == pytest.approx(value, abs=0.1 * last.std[ref])
             assert deviations[ref] == pytest.approx(last.std[ref], rel=0.1)
+
+
+@pytest.mark.parametrize("kind", [dovetail.StudyError, OSError])
+def test_a_file_that_is_missing_is_named_as_on_the_command_line(tmp_path, capsys, kind):
+    path = tmp_path / "nix.toml"
+    assert dovetail.main(["check", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    with pytest.raises(kind) as caught:
+        dovetail.load_study(path)
+    assert line == f"dovetail: {caught.value}"

@@ -29,12 +29,13 @@ from dovetail.report import (
     thresholds,
     words,
 )
-from dovetail.report.sections import rounds
+from dovetail.report.sections import rounds, uncertain
 from dovetail.result import _FORM as FORM_WORDS
 from dovetail.result import UncertainValue, diagnosis_dict, result_dict
 from fem import Parameter
 from fem.effects import effect_classes
-from tests.frames import cross_beam, portal
+from tests.frames import STUDY, cross_beam, portal
+from tests.studies import study_from
 from updating import EffectParameter, Fault, Finding, propose
 from updating.diagnosis import NOWHERE, Departure
 from updating.inference import FORM_SECTION, FORM_ZONE
@@ -268,7 +269,7 @@ def test_two_directions_of_a_joint_are_one_sentence_and_an_extension_is_no_other
         ((one, laws[1].name), 0.05),
         ((one,), 0.01),
     )
-    d = replace(found.diagnosis, findings=findings, candidates=laws, posterior=posterior)
+    d = replace(found.diagnosis, findings=findings, model=cross_beam(), candidates=laws, posterior=posterior)
     text = "\n".join(found_lines(d))
     assert "cannot be distinguished" not in text
     assert (
@@ -521,8 +522,8 @@ def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
 
 def test_the_form_of_a_connection_is_named_by_its_place(found):
     form = [u.words for u in found.uncertain if u.form_of]
-    assert any(w.startswith("corner at point") and w.endswith(": stiffness (logarithm)") for w in form)
-    assert any(w.startswith("section of member") and w.endswith(": mass per length (relative)") for w in form)
+    assert any(w.startswith("corner at point") and w.endswith(": stiffness") for w in form)
+    assert any(w.startswith("section of member") and w.endswith(": mass per length") for w in form)
     assert not [u.words for u in found.uncertain if "_form" in u.words]
 
 
@@ -592,3 +593,42 @@ def test_names_with_commas_are_whole_in_sentences():
     named = replace(at_rest, member="at 2, left")
     value = [SimpleNamespace(name=named.parameters()[0].name, value=0.1)]
     assert words.sentence([Finding(named, value, ())]) == "Member at 2, left is heavier than in the model."
+
+
+def test_a_place_is_said_by_node_coordinates_and_global_axis(tmp_path):
+    study = study_from(tmp_path, STUDY)
+    release = next(e for e in study.candidates("end_release") if e.direction == "ry")
+    (xyz,) = release.locations(study.model)
+    mesh = study.model.mesh
+    name = next(n for n, k in mesh.point_names.items() if np.allclose(mesh.points[k], xyz))
+    said = words.spot_text(release, study.model)
+    assert said.startswith(f"at {name}, (")
+    assert re.search(r"\(0, 0, 0\.5\) m, about global [xyz]$", said), said
+    inside = next(e for e in study.candidates("point_mass") if e.member == "arm").with_values(position=0.1)
+    assert re.fullmatch(r"at \([\d., −]+\) m", words.spot_text(inside, study.model))
+
+
+def test_uncertain_parameters_that_did_not_move_are_folded(found):
+    far = [replace(u, fitted=u.nominal + 2 * u.std, at_bound=False) for u in found.uncertain]
+    near = [replace(u, name=f"{u.name} {k}", fitted=u.nominal, at_bound=False) for k, u in enumerate(far)]
+    both = replace(found, uncertain=(*near[:12], *far[:6]))
+    _, table = uncertain.page(both, None).blocks
+    assert table.n_shown == 6
+    assert [row[0] for row in table.rows[:6]] == [u.words for u in far[:6]]
+
+
+def test_modes_in_the_frfs_stand_beside_the_models_where_none_were_given(found, album):
+    modes = found.identified
+    rows = modes.rows()
+    assert len(rows) >= 3
+    paired = [r for r in rows if r["reported_Hz"] is not None]
+    assert len(paired) >= 3
+    for r in paired:
+        assert r["reported_Hz"] == pytest.approx(r["measured_Hz"], rel=5e-3)
+        assert r["mac_reported"] > 0.95
+    assert modes.comac.shape == (len(modes.measured.sensors),)
+    assert (modes.comac > 0.9).all()
+    assert result_dict(found)["identified_modes"] == rows
+    page = report_html(found, album)
+    assert "these modes were identified in the FRFs" in page
+    assert "CoMAC of each sensor" in page

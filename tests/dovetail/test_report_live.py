@@ -133,7 +133,7 @@ def test_of_very_many_lines_every_second_is_kept(monkeypatch):
 
 def test_every_figure_is_made(live):
     assert live.failures == []
-    names = "model staircase map-fitted map-final misfit frf frf-error modes probability"
+    names = "model staircase map-fitted map-final misfit frf frf-error modes mac probability"
     rankings = {name for name in live.known if name.startswith("ranking-")}  # one a round
     assert "ranking-1" in rankings
     assert set(live.known) - rankings == set(names.split())
@@ -355,9 +355,10 @@ def test_joints_are_coloured_by_their_share(found):
     shares = dict(where.places)
     assert marks.customdata[0] == where.places[0][0]
     assert {shares[name] for name in marks.customdata} <= set(shares.values())
-    np.testing.assert_allclose(marks.marker.color, [shares[n] for n in marks.customdata], rtol=1e-6)
+    np.testing.assert_allclose(marks.marker.color, [100 * shares[n] for n in marks.customdata], rtol=1e-6)
     members = next(t for t in figure.data if (t.meta or {}).get("role") == "member")
-    assert members.cmax == marks.marker.cmax == pytest.approx(max(*shares.values(), *where.members.values()))
+    largest = 100 * max(*shares.values(), *where.members.values())
+    assert members.cmax == marks.marker.cmax == pytest.approx(largest)
     point = np.array([marks.x[0], marks.y[0], marks.z[0]])
     assert np.linalg.norm(where.points[marks.customdata[0]] - point, axis=1).min() < 1e-6
 

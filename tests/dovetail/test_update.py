@@ -194,6 +194,7 @@ def test_limits_of_complexity_that_cannot_be_are_refused(bracket, tmp_path, caps
         ('\n[update]\nto = ["frf", "modes"]\n', "frf and modes"),
     ],
 )
+@pytest.mark.usefixtures("all_digits")
 def test_a_modulus_comes_back_and_is_written(bracket, tmp_path, capsys, more, to, request):
     if to != "frf and modes":  # which has all pictures
         request.getfixturevalue("undrawn")
@@ -274,7 +275,7 @@ std = 0.02
     assert values["masses"][0]["mass"] == pytest.approx(0.2 / 210 * 205, rel=0.05)  # it has to be lighter
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "all_digits")
 def test_members_and_groups_get_parameters_of_their_own(bracket, tmp_path, capsys):
     """The true 210 GPa are 5 % more than the study has: so are both members, however they are asked for."""
     path, _ = bracket

@@ -18,7 +18,7 @@ SPLIT = ("dovetail.report", "dovetail.notebook", "viz.interactive")
 # each step may import what is named here and above it
 MAY_IMPORT = {
     "import dovetail": "dovetail fem fem.lazy",
-    "--version": "dovetail.cli viz viz.offscreen",
+    "--version": "dovetail.cli dovetail.distribution viz viz.offscreen",
     "--help": "",
     "modes": """
         dovetail.commands dovetail.disk dovetail.file dovetail.study
@@ -33,7 +33,7 @@ MAY_IMPORT = {
     "static": "",
     "check": "fem.checks",
     "compare": """
-        dovetail.found dovetail.modes_pipeline dovetail.pipeline dovetail.result
+        dovetail.found dovetail.frf_modes dovetail.modes_pipeline dovetail.pipeline dovetail.result
         dovetail.report.probable dovetail.report.words
         updating.diagnosis updating.forecast updating.least_squares updating.modal updating.plan
         fem.reduction

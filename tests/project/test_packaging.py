@@ -4,8 +4,11 @@ import importlib
 import re
 import shutil
 import subprocess
+import tomllib
 
 import pytest
+
+from dovetail.distribution import DISTRIBUTION
 
 PACKAGES = ("fem", "updating", "joint", "viz", "dovetail")
 
@@ -28,6 +31,17 @@ ABSENT = re.compile(
 def test_package_imports_from_this_checkout(package, root):
     module = importlib.import_module(package)
     assert module.__file__ == str(root / package / "__init__.py")
+
+
+def test_every_file_that_names_the_distribution_has_one_name(root):
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["name"] == DISTRIBUTION
+    extras = project["optional-dependencies"]
+    own = [d for some in extras.values() for d in some if d.startswith("dovetail")]
+    assert own
+    assert all(d.startswith(f"{DISTRIBUTION}[") for d in own)
+    wheel = DISTRIBUTION.replace("-", "_")
+    assert f"{wheel}-VERSION-py3-none-any.whl" in (root / "docs/install.md").read_text(encoding="utf-8")
 
 
 def test_no_file_names_the_place_where_it_was_made(root):

@@ -250,3 +250,9 @@ def test_labels_prefer_empty_ground():
 def test_names_at_one_place_are_merged():
     got = merge_names(["P1y", "P2z", "P1x", "hammer"], [[0, 0, 0], [1, 0, 0], [0, 0, 0], [1, 0, 0]], 1e-6)
     assert got == [("P1x,y", 0), ("P2z, hammer", 1)]
+    for names, label in (
+        (["101X+", "101Z+", "101Y+"], "101X+,Y+,Z+"),
+        (["P1x", "P10x"], "P1x, P10x"),
+        (["A", "A"], "A, A"),
+    ):
+        assert merge_names(names, np.zeros((len(names), 3)), 1e-6) == [(label, 0)]

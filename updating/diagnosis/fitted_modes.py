@@ -81,7 +81,7 @@ def modes_of(d: Diagnosis) -> tuple[Modes, Modes, Modes]:
     fitted = damped_modes(with_all, curve, zeta, top)
     before = fitted if without is with_all else damped_modes(without, curve, zeta, 1.1 * top)
     nominal = damped_modes(with_resting_base(d.problem.reduced.model), curve, curve.start, 1.1 * top)
-    return nominal, *(_as_free(m, nominal.n_rigid, bottom) for m in (before, fitted))
+    return nominal, _as_free(before, nominal.n_rigid, bottom), _as_free(fitted, nominal.n_rigid, bottom)
 
 
 def _as_free(modes: Modes, n_rigid: int, bottom: float) -> Modes:

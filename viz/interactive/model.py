@@ -32,7 +32,7 @@ from viz.shapes import arrows, view_axes
 from viz.surfaces import Surface
 from viz.triangles import Floats
 
-MOST_NAMED = 40
+MOST_NAMED = 24
 """With more sensors and excitations their names show only where one points."""
 
 

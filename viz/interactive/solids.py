@@ -1,6 +1,6 @@
 """Surfaces, edges, arrows and marked places as traces of three-dimensional figures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -172,9 +172,18 @@ def _note(point: NDArray[np.float64], text: str, colour: str, k: int) -> dict[st
     }
 
 
+def _inwards(note: Mapping[str, Any], right: Floats, centre: Floats) -> dict[str, Any]:
+    """Return a text with an arrow on the side of its place that is nearer to the middle."""
+    beyond = right @ (np.array([note[x] for x in "xyz"]) - centre) > 0
+    if not note.get("ax") or not beyond:
+        return dict(note)
+    return {**note, "ax": -note["ax"], "xanchor": "right"}
+
+
 def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
     """Return a scene in true proportions, seen as the still pictures are."""
     right, up, eye = view_axes(points)
+    notes = [_inwards(note, right, points.mean(axis=0)) for note in notes]
     ends = np.stack([points.min(axis=0), points.max(axis=0)])
     room = 0.04 * max(float(np.ptp(ends, axis=0).max()), 1e-9)
     half = np.ptp(ends, axis=0) / 2 + room

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dovetail.report import cells
-from dovetail.report.blocks import Block, TableBlock, Text
+from dovetail.report.blocks import Block, Details, TableBlock, Text
 from dovetail.report.table import Column, Table
 from dovetail.result import RunResult, by_frfs
 from fem.summary import percent
@@ -14,6 +14,7 @@ from updating.diagnosis.mode_table import Floats, ModeTable
 from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:
+    from dovetail.frf_modes import ModesInFrfs
     from dovetail.report.drawings import Album
     from dovetail.report.shown import Shown
     from viz.chart import Chart
@@ -69,7 +70,7 @@ def page(result: RunResult[Verdict], shown: "Shown") -> list[Block | None]:
     """Return deviations, the table of the modes, and modal assurance criteria."""
     m, d = result.measured_modes, result.diagnosis
     if m is None:
-        return []
+        return [] if result.identified is None else _identified(result.identified, shown)
     models = steps(d, m)
     damped, shaped = np.isfinite(m.zeta).any(), np.isfinite(m.mac_found).any()
     head = ["measured [Hz]", "std [%]", *(f"{label} [%]" for label in models)]
@@ -102,6 +103,34 @@ def page(result: RunResult[Verdict], shown: "Shown") -> list[Block | None]:
     ]
 
 
+def _identified(found: "ModesInFrfs", shown: "Shown") -> list[Block | None]:
+    """Return modes that were identified in FRFs beside computed ones, MAC, and CoMAC."""
+    text = (
+        "The study has FRFs and no measured modes: these modes were identified in the FRFs. Their partners "
+        "have the most similar shape near their frequency. No fit saw them; the FRFs were fitted. "
+        "Columns of models have their deviation from the measured frequency; ζ is the damping ratio."
+    )
+    rows = []
+    for k, mode in enumerate(found.rows(), 1):
+        f = mode["measured_Hz"]
+        known = {key: math.nan if x is None else x for key, x in mode.items()}
+        shifts = [cells.shift(f, known[f"{model}_Hz"]) for model in ("nominal", "reported")]
+        damping = [cells.number(100 * known[f"damping_{of}"], 3) for of in ("measured", "reported")]
+        macs = [cells.decimals(known[f"mac_{model}"], 3) for model in ("nominal", "reported")]
+        rows.append([k, f"{f:.5g}", *shifts, *damping, *macs])
+    head = ["mode", "measured [Hz]", "nominal [%]", "reported [%]", "ζ measured [%]", "ζ reported [%]"]
+    head += ["MAC nominal", "MAC reported"]
+    pairs = TableBlock(head, rows, numbers=range(8), caption="Modes in the measured FRFs", at_most=25)
+    map_ = shown.figure("mac", "Modal assurance criteria as a map.", MAC, ["mac"])
+    names = [s.name for s in found.measured.sensors]
+    order = [int(k) for k in np.argsort(found.comac) if np.isfinite(found.comac[k])]
+    each = [[names[k], f"{found.comac[k]:.3f}"] for k in order]
+    about = "Similarity of measured and reported motions at each sensor over all pairs; the lowest first."
+    table = TableBlock(["sensor", "CoMAC"], each, numbers=(1,))
+    comac = Details("CoMAC of each sensor", [Text(about), table]) if each else None
+    return [Text(text), pairs, map_, comac]
+
+
 def deviations(result: RunResult[Verdict]) -> "Chart | None":
     """Return the figure of the deviations; None without measured modes."""
     from viz import frequencies
@@ -114,16 +143,24 @@ def mac(result: RunResult[Verdict]) -> "Chart | None":
     """Return the figure of modal assurance criteria; None without measured shapes."""
     from viz.frequencies import mac_map
 
-    m, reported = result.measured_modes, result.reported
-    if m is None or reported is None or reported.mac is None:
+    m, reported, found = result.measured_modes, result.reported, result.identified
+    if found is not None:
+        mac, measured, modes = found.mac, found.measured.modes.frequency, found.computed
+    elif m is not None and reported is not None and reported.mac is not None:
+        mac, measured, modes = reported.mac, m.measured, reported.modes
+    else:
         return None
-    computed = reported.modes.frequency[reported.modes.n_rigid :]
-    return mac_map(reported.mac, [f"{f:.4g}" for f in m.measured], [f"{f:.4g}" for f in computed])
+    computed = modes.frequency[modes.n_rigid :]
+    return mac_map(mac, [f"{f:.4g}" for f in measured], [f"{f:.4g}" for f in computed])
 
 
 def draw(result: RunResult[Verdict], album: "Album") -> None:
     """Draw the still pictures."""
     m, reported = result.measured_modes, result.reported
+    if result.identified is not None:
+        n, k = result.identified.mac.shape
+        alt = f"Modal assurance criteria of {n} shapes identified in FRFs with {k} computed ones."
+        album.plot("mac", alt, MAC, lambda: mac(result))
     if m is None:
         return
     models = ", ".join(steps(result.diagnosis, m))

@@ -10,6 +10,11 @@ from updating.diagnosis.verdict import Verdict
 
 applies = by_any
 
+LEAST_ROWS = 5
+"""Rows that are shown at least [-]."""
+SMALL_RATIO = 0.5
+"""Dimensionless values below this are shares or damping ratios; factors are about 1 [-]."""
+
 
 def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the uncertain parameters before and after the fit."""
@@ -25,17 +30,32 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
         else ""
     )
     head = ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""]
-    table = TableBlock(head, list(map(_parameter_row, result.uncertain)), numbers=(1, 2, 3, 4), at_most=25)
+    moved = [u for u in result.uncertain if not u.stays]
+    rows = [*map(_parameter_row, moved), *(_parameter_row(u) for u in result.uncertain if u.stays)]
     text = f"Fitted {fitted} within their prior standard deviations.{text}"
+    if 0 < len(moved) < len(rows):
+        text += f" The first {len(moved)} of {len(rows)} moved by more than their standard deviation."
+    table = TableBlock(head, rows, numbers=(1, 2, 3, 4), at_most=max(len(moved), LEAST_ROWS))
     return ReportSection("Uncertain parameters", [Text(text), table])
 
 
 def _parameter_row(u: UncertainValue) -> list[Line]:
     value, change = "replaced by the effect", "–"
+    nominal, fitted, std, unit = _in_percent(u)
     if math.isfinite(u.fitted):
-        value = words.with_unit(u.fitted, u.unit, math.nan if u.at_bound else u.std)
+        value = words.with_unit(fitted, unit, math.nan if u.at_bound else std)
         if math.isfinite(u.moved):
             change = f"{round(u.moved, 1) + 0.0:+.1f}".replace("-", "−")
     flag = ReportMark("at bound", "tag bound") if u.at_bound else ""
-    prior = cells.percent(u.prior_std, u.nominal)
-    return [u.words, words.with_unit(u.nominal, u.unit), value, change, prior, flag]
+    relative = unit == "%" and not u.nominal
+    prior = cells.number(100 * u.prior_std, 2) if relative else cells.percent(u.prior_std, u.nominal)
+    return [u.words, words.with_unit(nominal, unit), value, change, prior, flag]
+
+
+def _in_percent(u: UncertainValue) -> tuple[float, float, float, str]:
+    """Return values before and after with the deviation and the unit: changes of 0 and small ratios in %."""
+    if u.unit != "-" or abs(u.nominal) >= SMALL_RATIO:
+        return u.nominal, u.fitted, u.std, u.unit
+    if u.is_logarithm:
+        return 100 * math.expm1(u.nominal), 100 * math.expm1(u.fitted), 100 * math.exp(u.fitted) * u.std, "%"
+    return 100 * u.nominal, 100 * u.fitted, 100 * u.std, "%"

@@ -1,0 +1,3 @@
+"""The name under which pip installs the program, whose import is ``dovetail``."""
+
+DISTRIBUTION = "dovetail-dynamics"
