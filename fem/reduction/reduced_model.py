@@ -484,15 +484,13 @@ class ReducedModel:
         step = {parameter: value + 1j * STEP}
         return self._of(effect, model.parts_of(effect.with_values(**step)), True)
 
-    def followed_derivative_of(
-        self, effect: Effect, ref: ParameterRef, beside: Mapping[ParameterRef, float]
-    ) -> ReducedTerm:
-        """Project an effect's derivative with respect to a parameter that it :meth:`follows`."""
+    def followed_derivatives_of(self, effect: Effect, refs: Sequence[ParameterRef]) -> list[ReducedTerm]:
+        """Project an effect's derivatives with respect to parameters that it :meth:`follows`."""
         table = self._table_of(effect)
-        assert table is not None
-        return self._tabulated(
-            table, *table.slopes(parameter_values(effect), self._beside(table, beside), ref)
-        )
+        if table is None or not refs:
+            return []
+        each = table.slopes_by_others(parameter_values(effect), refs)
+        return [self._tabulated(table, K, None, D) for K, D in each]
 
     def foreign_derivative_of(
         self, effect: Effect, ref: ParameterRef, value: float, model: Model
