@@ -1,6 +1,6 @@
 """Element matrices of an effect as sums of functions of one number each, read from tables."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -150,32 +150,36 @@ class TabulatedEffect:
         self, values: Mapping[str, float], others: Mapping[ParameterRef, float]
     ) -> tuple[Floats, Floats | None, Floats | None]:
         """Return K, M and D at values of the parameters and of those of other effects."""
-        each = self.along.at(values["u"])
-        if self.plane is not None:
-            each = each + self.plane.at(values["u"] + values["plane"])
         M = np.add.reduce([values[name] * X for name, X in self.M.items()]) if self.M else None
-        K, D = self._sums(self._changed(each, others))
+        K, D = self._sums(self._changed(self._at(values), others))
         return K, M, D
 
     def slopes(
-        self, values: Mapping[str, float], others: Mapping[ParameterRef, float], ref: str | ParameterRef
+        self, values: Mapping[str, float], others: Mapping[ParameterRef, float], parameter: str
     ) -> tuple[Floats | None, Floats | None, Floats | None]:
-        """Return the derivatives of K, M and D by a parameter, or by one of another effect."""
-        if ref in self.M:
-            return None, self.M[ref], None  # type: ignore[index]
-        at_plane = values["u"] + values.get("plane", 0.0)
-        if not isinstance(ref, str):
-            each = self.along.at(values["u"])
-            each = each if self.plane is None else each + self.plane.at(at_plane)
+        """Return the derivatives of K, M and D by a parameter."""
+        if parameter in self.M:
+            return None, self.M[parameter], None
+        parts = [] if parameter == "plane" else [self.along.slope(values["u"])]
+        parts += [] if self.plane is None else [self.plane.slope(values["u"] + values["plane"])]
+        K, D = self._sums(self._changed(np.add.reduce(parts), others))
+        return K, None, D
+
+    def slopes_by_others(
+        self, values: Mapping[str, float], refs: Sequence[ParameterRef]
+    ) -> list[tuple[Floats, Floats | None]]:
+        """Return the derivatives of K and D by parameters of other effects."""
+        each, out = self._at(values), []
+        for ref in refs:
             of_lines = np.zeros_like(each[0])
             for _, lines, k in (f for f in self.follows if f[0] == ref):
                 of_lines[lines] = each[1 + k][lines]
-        else:
-            parts = [] if ref == "plane" else [self.along.slope(values["u"])]
-            parts += [] if self.plane is None else [self.plane.slope(at_plane)]
-            of_lines = self._changed(np.add.reduce(parts), others)
-        K, D = self._sums(of_lines)
-        return K, None, D
+            out.append(self._sums(of_lines))
+        return out
+
+    def _at(self, values: Mapping[str, float]) -> Floats:
+        each = self.along.at(values["u"])
+        return each if self.plane is None else each + self.plane.at(values["u"] + values["plane"])
 
     def _changed(self, each: Floats, others: Mapping[ParameterRef, float]) -> Floats:
         """Return the matrices of the elements, (b, 12, 12), as other effects change them."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from dovetail.file.measured import RawMeasurement
 from dovetail.file.sensors import Channel
-from dovetail.file.suspicions import LazyComparison, RatioToModel, kind_by_model
+from dovetail.file.suspicions import LazyComparison, RatioToModel, kind_by_model, slope_of
 from dovetail.file.table import StudyTable
 from fem.analysis.frf import FRFKind
 from updating.measurement.measurement import Measurement
@@ -113,12 +113,14 @@ def _refuse_reversed(
     if not names:
         return
     to_model = comparison.to_model if len(names) == len(sense) else None
-    like = None if to_model is None else kind_by_model(m.frf, to_model, evidence)
+    like = None if to_model is None else kind_by_model(m.frf, to_model, evidence, by_sign=True)
     if like is not None:
+        factor = "(iω)²" if like.derivatives > m.frf.kind.derivatives else "1/(iω)²"
         r.table.refuse(
             "kind" if "kind" in r.table.values else "file",
             f"the FRFs of {r.name} are called {m.frf.kind}; their sign where force and sensor share a place, "
-            f"{names[0]}, and their size compared with the model are those of {like}; give kind = "
+            f"{names[0]}, and their size compared with the model are those of {like}, "
+            f"{factor} times as large; give kind = "
             f'"{like}", or check_phase = false if they are right',
         )
     suspicions.append(
@@ -156,14 +158,17 @@ def _words(m: Measurement, f: Misphased, to_model: RatioToModel | None) -> str:
             "energy that follows it"
         )
         return f"{found}; give conjugate = true {_table(f)}" if _table(f) else found
-    turn, options = _turn_remedies(m, f, to_model)
-    factor = {1: "i times", -1: "-i times", 0: "i or -i times"}[turn]
-    found = (
-        f"are {factor} the {m.frf.kind}, or another kind of FRF: their phase at and between resonances "
-        "is a quarter turn off"
-    )
+    turn, power, options = _turn_remedies(m, f, to_model)
+    by_phase = {1: "i times", -1: "-i times", 0: "i or -i times"}[turn]
+    factor = {1: "iω times", -1: "1/(iω) times", 3: "(iω)³ times", -3: "1/(iω)³ times"}.get(power, by_phase)
+    found = f"are {factor} the {m.frf.kind}"
+    found += ": " if power else ", or another kind of FRF: "
+    found += "their phase at and between resonances is a quarter turn off"
+    found += ", and their size beside the model's follows that factor" if power else ""
     if f.of == "sensor":
         found += " (so is the motion next to a strong damper)"
+    if not options:
+        return f"{found}; a file cannot have this kind: divide its values by that factor"
     return f"{found}; give {' or '.join(options)} {_table(f)}" if _table(f) else found
 
 
@@ -183,32 +188,44 @@ def _supported(m: Measurement, f: Misphased, to_model: RatioToModel | None) -> b
     return not ratio.size or float(((ratio / np.abs(ratio)) ** 2).real.mean()) < 0
 
 
-def _turn_remedies(m: Measurement, f: Misphased, to_model: RatioToModel | None) -> tuple[int, list[str]]:
-    """Return the sense of a quarter turn, and keys that undo it: a kind, a phase, or both if undecided."""
-    turn, by_kind = f.turn, None
+def _turn_remedies(m: Measurement, f: Misphased, to_model: RatioToModel | None) -> tuple[int, int, list[str]]:
+    """Return the sense of a quarter turn, its power of iω, and keys that undo it.
+
+    The power is 0 for a factor i and where nothing tells the two apart. The keys are a kind, a phase, or both
+    if undecided; none for a kind that no file can have.
+    """
+    turn, power = f.turn, None
     if to_model is not None:
         ratio = _part(m, f, to_model)
         seen = np.isfinite(ratio) & (ratio != 0)
         if not turn and seen.any():
             turn = int(np.sign((ratio[seen] / np.abs(ratio[seen])).imag.mean()))
-        by_kind = _power(to_model.frequency, np.abs(np.where(seen, ratio, np.nan)), turn)
+        power = _power(to_model.frequency, np.abs(np.where(seen, ratio, np.nan)), turn)
     turns = (turn,) if turn else (1, -1)
-    kinds = [k for k in FRFKind if k.derivatives - m.frf.kind.derivatives in turns]
-    # The factor between two kinds is iω: as large as ω relative to the model, where i alone is 1.
-    by_phase = [f"phase = {-90 * t}" for t in turns]
     no_kind = f.of == "excitation" or (f.of == "sensor" and set(f.names) <= set(m.frf.strain))
-    of_kind = [] if no_kind else [f'kind = "{k}"' for k in kinds]
-    if by_kind is None:
-        return turn, [*of_kind, *by_phase]
-    return turn, (of_kind if by_kind else by_phase) or by_phase
+    powers = turns if power is None else (power,)
+    of_kind = [
+        f'kind = "{k}"' for k in FRFKind if not no_kind and k.derivatives - m.frf.kind.derivatives in powers
+    ]
+    by_phase = [f"phase = {-90 * t}" for t in turns]
+    if power is None:
+        return turn, 0, [*of_kind, *by_phase]
+    return turn, power, by_phase if no_kind or not power else of_kind
 
 
-def _power(frequency: np.ndarray, size: np.ndarray, turn: int) -> bool | None:
-    """Return whether ω lies between measured and computed FRFs, not 1; None where nothing says it."""
+def _power(frequency: np.ndarray, size: np.ndarray, turn: int) -> int | None:
+    """Return the power of iω between measured and computed FRFs, 0 for i alone; None where nothing says it.
+
+    Their slope over frequency tells it, whatever the gain is; over a narrow band their size does.
+    """
     seen = np.isfinite(size).mean(axis=1) > 0.5
     if seen.sum() < 8 or not turn:
         return None
+    x = np.log10(frequency[seen])
     with np.errstate(divide="ignore"):
         y = np.nanmedian(np.log10(size[seen]), axis=1)
+    slope = slope_of(x, y)
+    if slope is not None:
+        return min((0, turn, -3 * turn), key=lambda power: abs(slope - power))
     other = y - turn * np.log10(2 * np.pi * frequency[seen])
-    return abs(float(np.median(other))) < abs(float(np.median(y)))
+    return turn if abs(float(np.median(other))) < abs(float(np.median(y))) else 0

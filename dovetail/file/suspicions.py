@@ -321,7 +321,9 @@ def _size_words(comparison: LazyComparison, to_model: RatioToModel, evidence: Ph
     )
 
 
-def kind_by_model(frf: FRF, to_model: RatioToModel, evidence: PhaseEvidence | None) -> FRFKind | None:
+def kind_by_model(
+    frf: FRF, to_model: RatioToModel, evidence: PhaseEvidence | None, *, by_sign: bool = False
+) -> FRFKind | None:
     """Return the kind that FRFs look like compared with the model's, None for the stated one.
 
     Parameters
@@ -331,13 +333,15 @@ def kind_by_model(frf: FRF, to_model: RatioToModel, evidence: PhaseEvidence | No
     to_model : RatioToModel
     evidence : PhaseEvidence or None
         A kind whose phase it contradicts is left out.
+    by_sign : bool
+        Whether driven points have the opposite sign: the slope then tells the kind whatever the gain is.
     """
     kind, moving = frf.kind, ~frf.is_strain
     x, y = _medians(RatioToModel(to_model.frequency, to_model.ratio[:, moving], to_model.computed[:, moving]))
     if not x.size:
         return None
     level, spread = _centre(y)
-    slope = _slope(x, y)
+    slope = slope_of(x, y) or 0.0
     right = evidence is not None and bool((evidence.axis > 0).any())
     for like in FRFKind:
         power = like.derivatives - kind.derivatives
@@ -345,7 +349,7 @@ def kind_by_model(frf: FRF, to_model: RatioToModel, evidence: PhaseEvidence | No
             continue
         # (iω)^power lies between the stated kind of the data and their apparent one
         other, other_spread = _centre(y - power * np.log10(2 * np.pi * 10**x))
-        by_slope = abs(slope - power) < 0.4 and abs(other) < 1.3
+        by_slope = abs(slope - power) < 0.4 and (abs(other) < 1.3 or (by_sign and abs(power) == 2))
         by_size = abs(level) > np.log10(LARGE_FACTOR) and abs(other) < np.log10(1.6)
         if by_slope or (by_size and other_spread < 0.9 * spread):
             return like
@@ -358,10 +362,10 @@ def _centre(y: NDArray[np.float64]) -> tuple[float, float]:
     return centre, float(np.median(np.abs(y - centre)))
 
 
-def _slope(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Return the median slope between points far apart (Theil and Sen); 0 over less than half a decade."""
+def slope_of(x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
+    """Return the median slope between points far apart (Theil and Sen); None over less than half a decade."""
     if np.ptp(x) <= 0.5:
-        return 0.0
+        return None
     i, j = np.triu_indices(x.size, 1)
     far = np.abs(x[i] - x[j]) > 0.25 * np.ptp(x)
     return float(np.median((y[i] - y[j])[far] / (x[i] - x[j])[far]))

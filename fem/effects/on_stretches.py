@@ -20,8 +20,8 @@ KEYS = tuple(key for key in CHANGES if key != "A")
 """Changes of sections that stiffness follows."""
 STEP = 1e-30
 """Step of derivatives, imaginary."""
-_MESHES = 2
-"""Number of frames and meshes whose tables an effect keeps."""
+_MESHES = 4
+"""Number of frames and meshes, and of models, whose tables an effect keeps."""
 ITERATIONS = 6
 """Steps of Gauss and Newton: each takes about the square of the relative change of the moduli off."""
 
@@ -68,14 +68,19 @@ class OnStretches(WithFrame):
 
     def section_changes(self, model: Model) -> list[tuple[ParameterRef, NDArray[np.int64], int]]:
         """Return changes of the members' sections, the elements that have them, and numbers of ``KEYS``."""
-        forms = [e for e in model.of_kind(SectionForm) if any(m in e.members for m, *_ in self.zones)]
-        members = self.stretches_on(model).members if forms else ()
-        return [
-            ((e.name, key), np.flatnonzero(np.isin(members, e.members)), KEYS.index(key))
-            for e in forms
-            for key in e.keys
-            if key in KEYS
-        ]
+
+        def made() -> list[tuple[ParameterRef, NDArray[np.int64], int]]:
+            forms = [e for e in model.of_kind(SectionForm) if any(m in e.members for m, *_ in self.zones)]
+            members = self.stretches_on(model).members if forms else ()
+            return [
+                ((e.name, key), np.flatnonzero(np.isin(members, e.members)), KEYS.index(key))
+                for e in forms
+                for key in e.keys
+                if key in KEYS
+            ]
+
+        out: list[tuple[ParameterRef, NDArray[np.int64], int]] = self.stretches.get((self.frame, model), made)
+        return out
 
     def stretches_on(self, model: Model) -> Stretches:
         """Return the stretches, and what changes of sections do to them."""
@@ -123,8 +128,12 @@ class OnStretches(WithFrame):
             g = stretches.lines
             return TabulatedEffect.of(g.dofs, g.eta, gains, masses or {}, low, high, planar=planar)
 
-        out: TabulatedEffect | None = self.tables.get((self.frame, model.mesh), made)
-        return None if out is None else replace(out, follows=tuple(self.section_changes(model)))
+        def followed() -> TabulatedEffect | None:
+            table = self.tables.get((self.frame, model.mesh), made)
+            return None if table is None else replace(table, follows=tuple(self.section_changes(model)))
+
+        out: TabulatedEffect | None = self.tables.get((self.frame, model), followed)
+        return out
 
     def rebased(self, model: Model) -> Self:
         """Return the effect that adds the same matrices, on a frame with the model's present moduli."""

@@ -397,9 +397,11 @@ class ParametricFRF:
                     )
                 )
                 slopes.append((i, slope.scaled(factors) if scaled.foreign else slope))
-            for i in scaled.followed:
-                slope = self.restrict(self.reduced.followed_derivative_of(now, self.refs[i], beside))
-                slopes.append((i, slope.scaled(factors) if scaled.foreign else slope))
+            refs = [self.refs[i] for i in scaled.followed]
+            for i, slope in zip(
+                scaled.followed, self.reduced.followed_derivatives_of(now, refs), strict=True
+            ):
+                slopes.append((i, self.restrict(slope.scaled(factors) if scaled.foreign else slope)))
             for i, _, exponents in scaled.foreign:
                 by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
                 slopes.append((i, term.scaled(by)))

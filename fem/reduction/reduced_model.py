@@ -517,15 +517,13 @@ class ReducedModel:
         out: Model = self._models.get((model.effects, *values.items()), there)
         return out
 
-    def followed_derivative_of(
-        self, effect: Effect, ref: ParameterRef, beside: Mapping[ParameterRef, float]
-    ) -> ReducedTerm:
-        """Project an effect's derivative with respect to a parameter that it :meth:`follows`."""
+    def followed_derivatives_of(self, effect: Effect, refs: Sequence[ParameterRef]) -> list[ReducedTerm]:
+        """Project an effect's derivatives with respect to parameters that it :meth:`follows`."""
         table = self._table_of(effect)
-        assert table is not None
-        return self._tabulated(
-            table, *table.slopes(parameter_values(effect), self._beside(table, beside), ref)
-        )
+        if table is None or not refs:
+            return []
+        each = table.slopes_by_others(parameter_values(effect), refs)
+        return [self._tabulated(table, K, None, D) for K, D in each]
 
     def scaling_of(self, effect: Effect, ref: ParameterRef) -> Mapping[str, int] | None:
         """Return which of an effect's matrices are proportional to a foreign parameter (computed once).

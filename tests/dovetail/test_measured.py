@@ -160,6 +160,25 @@ def test_another_kind_is_refused_with_the_right_one(load, computed, kind, called
     assert load(H, kind=kind).warnings == ()
 
 
+@pytest.mark.parametrize("gain", [1.0, 500.0, 2e-3])
+def test_phase_and_slope_tell_the_power_of_frequency_whatever_the_gain(load, computed, gain):
+    """By the size alone 500 times a mobility is an accelerance times i."""
+    iw = 1j * computed.omega[:, None, None]
+    mobility, receptance = computed.as_kind("mobility").H, computed.as_kind("receptance").H
+    with pytest.raises(StudyError, match=r'1/\(iω\) times the accelerance.*give kind = "mobility"'):
+        load(gain * mobility, kind="accelerance")
+    with pytest.raises(StudyError, match=r'iω times the receptance.*give kind = "mobility"'):
+        load(gain * mobility, kind="receptance")
+    with pytest.raises(StudyError, match=r"i times the accelerance.*give phase = -90"):
+        load(gain * 1j * computed.H)
+    with pytest.raises(StudyError, match=r"iω times the accelerance.*divide its values by that factor"):
+        load(gain * iw * computed.H)  # a jerk
+    with pytest.raises(StudyError, match=r"1/\(iω\) times the receptance.*divide its values by that factor"):
+        load(gain * receptance / iw, kind="receptance")
+    with pytest.raises(StudyError, match=r'1/\(iω\)² times as large; give kind = "receptance"'):
+        load(gain * receptance, kind="accelerance")
+
+
 def test_a_force_against_its_sensor_is_a_warning(load, computed):
     (text,) = load(-computed.H).warnings
     assert "gives power to the force at top" in text

@@ -180,7 +180,7 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(monkeypatch, far, expl
     monkeypatch.setattr(Search, "proposals", lambda self, base, quick: [new])
     monkeypatch.setattr(Search, "settled", lambda self, h: explains)
     monkeypatch.setattr(Search, "explains", lambda self, h: explains)
-    search.from_near(base, SimpleNamespace(far_start=lambda fitted: None), now=0.0)
+    search.from_near(base, SimpleNamespace(far_start=lambda fitted: None), now=0.0, far=True)
     assert asked == [steps]
 
 
@@ -207,7 +207,7 @@ def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     monkeypatch.setattr(Search, "proposals", lambda self, base, quick: asked)
     monkeypatch.setattr(Search, "settled", lambda self, h: True)
     monkeypatch.setattr(Search, "explains", lambda self, h: True)
-    search.from_near(base, SimpleNamespace(), now=0.0)
+    search.from_near(base, SimpleNamespace(), now=0.0, far=False)
     assert {p.effects[0].name: p.score for p in search.promises()} == {**looks, **reached}
 
 

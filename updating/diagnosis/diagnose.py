@@ -39,6 +39,8 @@ from updating.diagnosis.evidence.diagnosis import (
 from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
 from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, parameters_of, step_added, step_of
+from updating.diagnosis.fitted_modes import damped_modes
+from updating.diagnosis.foreign_modes import foreign_modes, note_of
 from updating.diagnosis.frf_states import ONE_STRUCTURE, changed_frf_problem, search_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
@@ -60,6 +62,8 @@ from updating.quality.gates import Gates, check_gates, with_last_faults
 
 MOST_SEPARATED = 3
 """Largest number of twins with proposals of measurements that would separate them."""
+BEYOND_BAND = 1.2
+"""Modes of the model up to this multiple of the band's end may be measured ones [-]."""
 BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
 
@@ -257,6 +261,10 @@ def _concluded(done: Searched[FitProblem], gates: Gates, model_error: float, *, 
         channel_faults=of_channels,
     )
     verdict, reason = _verdict(out, done, gates)
+    if verdict == UNEXPLAINED:
+        up_to = BEYOND_BAND * float(problem.data.frequency[-1])
+        foreign = foreign_modes(problem, damped_modes(out.model, problem.damping, current.zeta, up_to))
+        out = replace(out, notes=(*out.notes, note_of(foreign)) if foreign else out.notes)
     return replace(out, verdict=verdict, reason=reason)
 
 

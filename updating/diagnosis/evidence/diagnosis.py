@@ -272,7 +272,7 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
         with ending_early():
             _go_on(ways, progress)
             progress("refining", 0.9)
-            best, *others = sorted(ways, key=lambda way: -way.search.best.score)
+            best, *others = _most_probable_first(ways)
             search = best.search
             best = replace(best, best=search.polished(search.with_rivals_of_form(search.best)))
             if best.explains:
@@ -285,6 +285,18 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
         best = replace(best, best=best.search.best, finished=False)
     best = replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
     return best.answered()
+
+
+def _most_probable_first(ways: Sequence[Searched[P]]) -> list[Searched[P]]:
+    """Return readings of the data in the order of their best hypotheses.
+
+    If the library explains none of them, they come in the order of what each leaves: a misfit that counts as
+    noise says little of a fault, which was found by what the channels say of one another.
+    """
+    out = sorted(ways, key=lambda way: -way.search.best.score)
+    if out[0].search.explains(out[0].search.best):
+        return out
+    return sorted(ways, key=lambda way: way.search.short_of(way.search.best))
 
 
 def search_promised(done: Searched[P]) -> Searched[P]:

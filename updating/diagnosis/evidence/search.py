@@ -267,6 +267,7 @@ class Search(Generic[P]):
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.fits.floor:.4f}")
         best = self._from_seeds(best)
         beam, visited, n_back, n_more = [best], {best.key}, 0, self.budget.n_rounds
+        short = [self.short_of(best)]
         while beam and n_more:
             n_more -= 1
             better = {h.key: h for b in beam for h in self.extended(b, visited)}
@@ -280,6 +281,9 @@ class Search(Generic[P]):
                     beam = beam[:1]
             elif self.explains(best):
                 break
+            short += [self.short_of(h) for h in beam[:1]]
+            if self.is_hopeless(short):
+                beam, n_back = [], self.budget.most_back
             # One of several missing effects may not pay for itself: on, while the unknown is more probable.
             beam = [h for h in beam if len(h.effects) < self.budget.most_effects]
             if not beam and not self.explains(best) and n_back < self.budget.most_back:
@@ -879,7 +883,25 @@ class Search(Generic[P]):
 
     def unknown(self, best: Hypothesis) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
+        return best.score + self.short_of(best) - UNKNOWN_ODDS
+
+    def short_of(self, h: Hypothesis) -> float:
+        """Return by how much the log likelihood would rise if a hypothesis explained the data [nats]."""
         problem = self.fits.problem
         if self._allowed is None or self._allowed[0] is not problem:
             self._allowed = problem, problem.allowed_squares()
-        return best.score + best.fitted.gain_to(self._allowed[1]) - UNKNOWN_ODDS
+        return float(h.fitted.gain_to(self._allowed[1]))
+
+    def is_hopeless(self, short: Sequence[float]) -> bool:
+        """Whether rounds that each gain as much as the best one so far will not explain the data.
+
+        Effects of one cause may work only together, so that one round does not tell.
+
+        Parameters
+        ----------
+        short : sequence of float
+            :meth:`short_of` of the leading hypothesis before the first round and after each [nats].
+        """
+        n = len(short) - 1
+        gains = -np.diff(short)
+        return n > 1 and short[-1] > UNKNOWN_ODDS + (self.budget.most_effects - n) * max(gains)

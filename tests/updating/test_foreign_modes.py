@@ -1,0 +1,53 @@
+"""Resonances in measured FRFs that no mode of the model has."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.hidden.cases import make_case
+from fem import FRF, assemble, first_modes
+from updating import build_problem, sensor_rows
+from updating.diagnosis.foreign_modes import foreign_modes, note_of
+
+ZETA, BAND = 0.004, (20.0, 500.0)
+
+
+@pytest.fixture(scope="module")
+def lap():
+    """A case with nothing hidden, and its modes."""
+    case = make_case(5)
+    return case, first_modes(assemble(case.model), 12)
+
+
+def with_resonance(case, modes, frequency):
+    """Return the case with a resonance of a fixture that moves the structure as its first mode does."""
+    frf, m = case.measurement.frf, case.measurement
+    shape = modes.shapes[:, [modes.n_rigid]]
+    rows, columns = (sensor_rows(case.model, some) @ shape for some in (m.sensors, m.excitations))
+    w, w0 = 2 * np.pi * frf.frequency, 2 * np.pi * frequency
+    resonance = -(w**2) / (w0**2 - w**2 + 2j * ZETA * w * w0)
+    H = frf.H + 0.5 * resonance[:, None, None] * (rows @ columns.T)
+    other = FRF.from_arrays(frf.frequency, H, frf.kind, frf.outputs, frf.inputs)
+    return replace(case, measurement=m.with_frf(other))
+
+
+def test_a_resonance_of_a_fixture_is_found_with_its_band(lap):
+    case, modes = lap
+    f = modes.frequency[modes.n_rigid :]
+    between = float(np.sqrt(f[1] * f[2]))
+    case = with_resonance(case, modes, between)
+    problem = build_problem(case.model, case.measurement, case.nuisances, band=BAND)
+    (found,) = foreign_modes(problem, modes)
+    assert found.frequency == pytest.approx(between, rel=2e-3)
+    assert found.low < between < found.high
+    assert found.high - found.low == pytest.approx(12 * ZETA * between, rel=0.3)
+    assert f"{found.frequency:.0f} Hz: no mode of the model" in note_of([found])
+    known = replace(problem.data.measurement, held_out=((found.low, found.high),))
+    assert not foreign_modes(replace(problem, data=replace(problem.data, measurement=known)), modes)
+
+
+def test_a_test_of_the_structure_alone_has_no_foreign_resonance(lap):
+    case, modes = lap
+    problem = build_problem(case.model, case.measurement, case.nuisances, band=BAND)
+    assert not foreign_modes(problem, modes)
