@@ -1,6 +1,7 @@
 """Natural frequencies, damping and shapes of a reduced model as functions of parameters, with derivatives."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -224,7 +225,6 @@ class ModesAt:
         self._members = 1 + 1j * (d.loss_factor + 2 * zeta[0]) + 1j * omega * d.beta
         self._connections = self._members + (2j * (zeta[1] - zeta[0]) if len(zeta) > 1 else 0.0)
         self._mass: Any = 1j * omega * d.alpha
-        self._local = bool(total["laws"]) or bool(total["C"].any()) or bool(total["D"].any())
         self._known: dict[int, Pairs] = {}
 
     @property
@@ -275,61 +275,53 @@ class ModesAt:
 
     def with_each(self, terms: Sequence[ReducedTerm]) -> "ModeStack":
         """Return the modes with each of some terms of one place, which have as many laws."""
-        n, P = len(terms), self.columns if terms[0].L is None else terms[0].L @ self.columns
-        total = {key: np.repeat(self._total[key][None], n, axis=0) for key in STACKED}
+        P = self.columns if terms[0].L is None else terms[0].L @ self.columns
+        stack = self._repeated(len(terms))
         for key in "KMCD":
             for k, term in enumerate(terms):
                 X = getattr(term, key)
                 if X is not None and X.any():
                     more = P.T @ X @ P
-                    total[key][k] += more
+                    stack.total[key][k] += more
                     if key == "K" and term.connection:
-                        total["connections"][k] += more
-        laws = [
-            (np.repeat(f[None], n, axis=0), np.repeat(X[None], n, axis=0)) for f, X in self._total["laws"]
-        ]
+                        stack.total["connections"][k] += more
+        laws = list(stack.laws)
         for each in zip(*(term.laws for term in terms), strict=True):
             matrices = np.stack([P.T @ X @ P for _, X in each])
             laws.append((np.stack([factor(self.omega) for factor, _ in each]), matrices))
+        return replace(stack, laws=tuple(laws))
+
+    def _repeated(self, n: int) -> "ModeStack":
+        """Return n times the same modes."""
         n_basis = self.reduced.basis.T.shape[1]
+
+        def times(X: NDArray[Any]) -> NDArray[Any]:
+            return np.repeat(X[None], n, axis=0)
+
         return ModeStack(
             self.reduced,
             self.omega,
             (self._members, self._connections, np.broadcast_to(self._mass, self.omega.shape)),
-            total,
-            tuple(laws),
-            np.repeat(self.outputs[None], n, axis=0),
-            np.repeat(self.columns[None, :n_basis], n, axis=0),
+            {key: times(self._total[key]) for key in STACKED},
+            tuple((times(f), times(X)) for f, X in self._total["laws"]),
+            times(self.outputs),
+            times(self.columns[:n_basis]),
         )
+
+    @cached_property
+    def _alone(self) -> "ModeStack":
+        return self._repeated(1)
 
     def pairs(self, i: int) -> Pairs:
         """Return all undamped modes, with what depends on frequency at that of the mode asked for."""
         key = i if self._total["laws"] else 0
         if key not in self._known:
-            self._known[key] = self._solved(key)
+            one = self._alone.at_frequency(key)
+            if not one.is_structure[0]:
+                msg = "the mass matrix is not positive definite"
+                raise np.linalg.LinAlgError(msg)
+            self._known[key] = Pairs(one.eigenvalues[0], one.vectors[0], one.shapes[0], int(one.n_rigid[0]))
         return self._known[key]
-
-    def _solved(self, i: int) -> Pairs:
-        K = self._total["K"]
-        for factor, X in self._total["laws"]:
-            K = K + float(factor[i].real) * X
-        lam, V = sla.eigh(K, self._total["M"], check_finite=False)
-        return Pairs(lam, V, self.outputs.T @ V, int(n_rigid_of(lam, self.reduced.basis.n_rigid)))
-
-    def _resisting(self, i: int) -> Floats:
-        """Return the imaginary part of the local dynamic stiffness at a frequency."""
-        S = self.omega[i] * self._total["C"] + self._total["D"]
-        for factor, X in self._total["laws"]:
-            S = S + float(np.imag(factor[i])) * X
-        return S
-
-    def _without_mass(self, i: int) -> Complexes:
-        """Return A at a frequency, without what is proportional to mass."""
-        total, more = self._total, self._connections[i] - self._members[i]
-        A = self._members[i] * total["K"] + more * total["connections"] + 1j * self._resisting(i)
-        for factor, X in total["laws"]:
-            A = A + float(factor[i].real) * X
-        return A
 
     def damped(self, partner: NDArray[np.int64]) -> list[DampedMode | None]:
         """Return modes of :meth:`pairs` with their damping, one at each frequency.
@@ -339,48 +331,11 @@ class ModesAt:
         partner : ndarray of int (n,)
             Their numbers, -1 for none.
         """
-        out: list[DampedMode | None] = [None] * len(partner)
-        there = np.flatnonzero(partner >= 0)
-        if not there.size:
-            return out
-        each = [(self.pairs(i), k) for i, k in zip(there.tolist(), partner[there].tolist(), strict=True)]
-        x = np.stack([pairs.vectors[:, k] for pairs, k in each], axis=1)
-        lam = np.array([pairs.eigenvalues[k] for pairs, k in each])
-        total, omega, members = self._total, self.omega[there], self._members[there]
-
-        def of(X: Floats) -> Floats:
-            return np.einsum("rk,rk->k", x, X @ x)
-
-        first = members * lam + self._mass[there]
-        if len(self._zeta) > 1:
-            first = first + (self._connections[there] - members) * of(total["connections"])
-        strong = np.zeros(len(there), dtype=bool)
-        if self._local:
-            laws = [(factor[there], of(X)) for factor, X in total["laws"]]
-            resisting = omega * of(total["C"]) + of(total["D"]) + sum(np.imag(f) * s for f, s in laws)
-            # Laws include losses: their stiffness is not damped as members are.
-            first = first + 1j * resisting + (1 - members) * sum(np.real(f) * s for f, s in laws)
-            strong = np.abs(resisting) > FIRST_ORDER * np.maximum(lam, 1e-300)
-        for c, i in enumerate(there.tolist()):
-            out[i] = DampedMode(complex(first[c]), x[:, c])
-        if strong.any():
-            for i, mode in zip(there[strong].tolist(), self._followed(there[strong], partner), strict=True):
-                out[i] = mode
-        return out
-
-    def _followed(self, some: NDArray[np.int64], partner: NDArray[np.int64]) -> list[DampedMode]:
-        """Return modes with strong local damping at some frequencies, from where they have none.
-
-        All at once, in the coordinates of the undamped modes.
-        """
-        pairs = [self.pairs(i) for i in some.tolist()]
-        lam = np.stack([p.eigenvalues for p in pairs])
-        modal = {id(p): self.on(p.vectors) for p in pairs}
-        A = np.stack([modal[id(p)]._without_mass(i) for i, p in zip(some.tolist(), pairs, strict=True)])
-        S = np.stack([modal[id(p)]._resisting(i) for i, p in zip(some.tolist(), pairs, strict=True)])
-        quotients, y = with_strong_damping(A, S, lam, partner[some])
-        values = quotients + self._mass[some]
-        return [DampedMode(complex(v), p.vectors @ z) for v, p, z in zip(values, pairs, y, strict=True)]
+        if not (partner >= 0).any():
+            return [None] * len(partner)
+        (lam,), (x,) = self._alone.damped(partner[None])
+        each = zip(partner.tolist(), lam.tolist(), x, strict=True)
+        return [None if k < 0 else DampedMode(value, vector) for k, value, vector in each]
 
     def slopes(
         self, modes: Sequence[tuple[int, int, DampedMode]], terms: Sequence[tuple[int, ReducedTerm]], n: int
@@ -501,7 +456,7 @@ class ModeStack:
     def _stiffness_of_laws(self, i: int) -> Floats:
         return np.sum([f[:, i].real[:, None, None] * X for f, X in self.laws], axis=0)
 
-    def _at(self, i: int) -> "ModeStack":
+    def at_frequency(self, i: int) -> "ModeStack":
         """Return the stack with what depends on frequency at that of one mode alone."""
         if not self.laws or not i:
             return self
@@ -520,6 +475,10 @@ class ModeStack:
         if self.laws:
             K = K + self._stiffness_of_laws(0)
         there = np.asarray(np.isfinite(K + M).all(axis=(1, 2)))
+        if len(M) == 1 and there.all():  # fits have more digits
+            with suppress(np.linalg.LinAlgError):
+                lam, V = sla.eigh(K[0], M[0], check_finite=False)
+                return lam[None], V[None], there
         try:
             inverse[there] = np.linalg.inv(np.linalg.cholesky(M[there]))
         except np.linalg.LinAlgError:
@@ -562,7 +521,7 @@ class ModeStack:
         """Return eigenvalues, ``n_rigid`` and shapes of all modes of sets a at the frequencies of modes i."""
         if not self.laws:
             return self.eigenvalues[a], self.n_rigid[a], self.shapes[a]
-        each = [self._at(k) for k in i.tolist()]
+        each = [self.at_frequency(k) for k in i.tolist()]
         pairs = list(zip(each, a.tolist(), strict=True))
         lam, rigid, shapes = (
             [getattr(s, key)[n] for s, n in pairs] for key in ("eigenvalues", "n_rigid", "shapes")
@@ -572,7 +531,7 @@ class ModeStack:
     def damped(self, partner: NDArray[np.int64]) -> tuple[Complexes, NDArray[Any]]:
         """Return the eigenvalues (n, n_modes) and vectors (n, n_modes, r) of modes with their damping.
 
-        As :meth:`ModesAt.damped`. NaN and 0 where there is none.
+        NaN and 0 where there is none.
 
         Parameters
         ----------
@@ -582,7 +541,7 @@ class ModeStack:
         modes = np.arange(partner.shape[1])
         if not self.laws:
             return self._damped(partner, modes)
-        each = [self._at(i)._damped(partner[:, [i]], modes[[i]]) for i in modes.tolist()]
+        each = [self.at_frequency(i)._damped(partner[:, [i]], modes[[i]]) for i in modes.tolist()]
         return np.hstack([lam for lam, _ in each]), np.concatenate([x for _, x in each], axis=1)
 
     def _damped(self, partner: NDArray[np.int64], modes: NDArray[np.int64]) -> tuple[Complexes, NDArray[Any]]:

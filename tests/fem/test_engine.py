@@ -196,6 +196,22 @@ def test_what_but_multiplies_is_projected_once(name, monkeypatch):
     assert len(projected) == 1
 
 
+def test_effects_on_few_dofs_are_projected_once_at_the_same_values(monkeypatch):
+    """Each forecast of many candidates asks for the same little of each."""
+    model = beam(20, effects=(fix(0),))
+    reduced, projected = reduce_model(model, attachments(model), FREQUENCY[-1]), []
+    monkeypatch.setattr(
+        ReducedModel, "project", lambda *args, of=ReducedModel.project: projected.append(1) or of(*args)
+    )
+    crack = Crack(
+        name="c", member="beam", position=0.4, direction="ry", compliance=1e-4, reference=1e-4, length=1.0
+    )
+    first, second, other = (reduced.value_of(crack.with_values(compliance=c)) for c in (1e-4, 1e-4, 2e-4))
+    assert first is second
+    assert other is not first
+    assert len(projected) == 2
+
+
 def test_a_members_change_by_the_motions_that_forces_bring_about(monkeypatch):
     model = cross_beam()
     model = model.with_mesh(model.mesh.split(8))

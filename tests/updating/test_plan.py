@@ -22,6 +22,7 @@ from fem import (
 from tests.frames import FLAT, STEEL, beam, fix, planar, portal
 from updating import Nuisance, Sensor, plan_test, sensor_rows
 from updating.diagnosis.evidence import near_to
+from updating.forecast import Forecast
 from updating.inference.fitting import fit
 from updating.plan import (
     MULTIPLES,
@@ -390,13 +391,21 @@ def test_the_rows_of_kinds_hold_the_least_and_largest_sizes(masses):
         assert row["most"] is None if row["blind"] else size_of(row["most"]) == max(sizes)
 
 
-def test_effects_at_several_places_and_without_a_relevant_size_are_rivals_alone():
+def test_effects_at_several_places_and_without_a_relevant_size_are_rivals_alone(monkeypatch):
+    solved, squares_at = set(), Forecast.squares_at
+
+    def recorded(forecast, rows, multiples):
+        solved.update(forecast.candidates[k].kind for k in forecast.owner[rows])
+        return squares_at(forecast, rows, multiples)
+
+    monkeypatch.setattr(Forecast, "squares_at", recorded)
     model = portal()
     places = [model.mesh.points[2 * k + 1] for k in range(2)]
     sensors = tuple(Sensor(f"s{k}", p, np.array([1.0, 0, 0])) for k, p in enumerate(places))
     forces = (replace(sensors[0], name="hit"),)
     test = planned_measurement(model, sensors, forces, np.linspace(5.0, 150.0, 40), 0.003)
     plan = plan_test(model, test, kinds=("support_flexibility", "driver_mass"), model_error=0.0)
+    assert solved == {"support_flexibility"}
     kinds = {x.effect.kind for x in plan.visibility.effects}
     assert kinds == {"support_flexibility", "driver_mass"}
     assert {o.relevant.kind for o in plan.relevant} == {"support_flexibility"}

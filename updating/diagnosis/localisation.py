@@ -147,11 +147,10 @@ def _shares(problem: FitProblem, result: FitResult, candidates: Sequence[Effect]
     order = np.argsort(-out, kind="stable").tolist()
     best = {place_named(candidates[k])[0]: k for k in reversed(order)}
     solved = {*order[:N_SOLVED], *best.values()}
-    for n, k in enumerate(small):
-        if k in solved:
-            out[k] = max(out[k], look.explained(_about_best(forecast, n)))
-    for k in set(range(len(grids))) - set(small):
-        out[k] = max(look.explained(grids[k]), 0.0)
+    tried = {k: _about_best(forecast, n) for n, k in enumerate(small) if k in solved}
+    tried |= {k: grids[k] for k in set(range(len(grids))) - set(small)}
+    rows = list(tried)
+    out[rows] = np.maximum(out[rows], look.explained(list(tried.values())))
     return out
 
 

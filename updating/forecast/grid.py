@@ -31,6 +31,10 @@ class Grid:
     # The terms of all points, on the last reduced model that they were asked for.
     _terms: tuple = field(default=(), init=False, repr=False)
     _reduced: ReducedModel | None = field(default=None, init=False, repr=False)
+    # Of values: sizes and directions of all points ask for them several times.
+    _parameters: dict[tuple[float, ...], tuple[Parameter, ...]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @classmethod
     def of(cls, problem: Any, effect: Effect) -> "Grid":
@@ -73,8 +77,15 @@ class Grid:
 
     def first_parameter(self, point: dict[str, float], absent: float | None = None) -> Parameter:
         """Return the first parameter at a point, with the value at which the effect is absent."""
-        p = self.effect.with_values(**point).parameters()[0]
+        p = self.parameters(point)[0]
         return p if absent is None else replace(p, absent=absent)
+
+    def parameters(self, point: dict[str, float]) -> tuple[Parameter, ...]:
+        """Return the parameters at a point."""
+        known = tuple(point.values())
+        if known not in self._parameters:
+            self._parameters[known] = self.effect.with_values(**point).parameters()
+        return self._parameters[known]
 
     def amplitudes(self, point: dict[str, float], absent: float | None = None) -> tuple[Parameter, ...]:
         """Return the parameters at a point that together are the size of the effect.
@@ -85,8 +96,7 @@ class Grid:
         first = self.first_parameter(point, absent)
         if not self._others:
             return (first,)
-        at_point = self.effect.with_values(**point).parameters()
-        return first, *(p for p in at_point if p.name in self._others)
+        return first, *(p for p in self.parameters(point) if p.name in self._others)
 
     @cached_property
     def _others(self) -> frozenset[str]:
@@ -95,7 +105,7 @@ class Grid:
         # A rigid connection leaves nothing on which its loss factor could act.
         if np.isinf(first.absent) or all(p.position for p in rest):
             return frozenset()
-        each = (p for point in self.points for p in self.effect.with_values(**point).parameters()[1:])
+        each = (p for point in self.points for p in self.parameters(point)[1:])
         return frozenset(p.name for p in each if p.value != p.absent)
 
     def scaled(self, point: dict[str, float], factor: float, absent: float | None = None) -> dict[str, float]:

@@ -32,6 +32,8 @@ from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 RELEASED = 0.01
 """A constraint counts as released, and hardly giving way, at this share of a size [-]."""
+EXPLAINED_TOGETHER = 16
+"""Number of candidates whose grids are adapted to at once."""
 NEAR_BOUND = 0.01
 """A parameter this near its bound, in its standard deviations, is at it [-]."""
 
@@ -248,18 +250,26 @@ class Look(Generic[P, C]):
         seen = self.sees(change, self.residuals.resolution).any()
         return levels if seen else np.full_like(levels, np.inf)
 
-    def explained(self, grid: Grid) -> float:
-        """Return the part of the squared whitened residuals that a candidate takes away at best [-].
+    def explained(self, grids: Sequence[Grid]) -> Floats:
+        """Return the parts of the squared whitened residuals that candidates take away at best, (n,) [-].
 
         Of a candidate that leaves more everywhere it is negative.
         """
-        change = self._changes(grid)[:, self.residuals.full_band]
-        possible = _finite_rows(change)
-        replaced, weight = grid.effect.replaces(), self.weights
-        rest = self.adapted(self.now + np.where(possible[:, None], change, 0.0), replaced, self.off)
-        left = np.where(possible, np.abs(rest) ** 2 @ weight, np.inf)
-        now = float(np.abs(self.adapted(self.now[None], replaced, self.off)[0]) ** 2 @ weight)
-        return 1 - float(left.min(initial=np.inf)) / now if now > 0 else 0.0
+        out = np.empty(len(grids))
+        for first in range(0, len(grids), EXPLAINED_TOGETHER):
+            some = grids[first : first + EXPLAINED_TOGETHER]
+            changes = [self._changes(grid)[:, self.residuals.full_band] for grid in some]
+            replaced = [tuple(grid.effect.replaces()) for grid in some]
+            # behind all points of the grids the residuals as they are, beside what each of them replaces
+            each = np.concatenate([*changes, np.zeros((len(some), len(self.share)))])
+            possible = _finite_rows(each)
+            beside = [refs for refs, change in zip(replaced, changes, strict=True) for _ in change] + replaced
+            rest = self.adapted_each(self.now + np.where(possible[:, None], each, 0.0), beside, self.off)
+            left = np.where(possible, np.abs(rest) ** 2 @ self.weights, np.inf)
+            *of_points, now = np.split(left, np.cumsum([len(change) for change in changes]))
+            least = np.array([points.min(initial=np.inf) for points in of_points])
+            out[first : first + len(some)] = np.where(now > 0, 1 - least / np.where(now > 0, now, 1.0), 0.0)
+        return out
 
     def best_of_little(self, grid: Grid) -> tuple[float, dict[str, float]]:
         """Return the cost of the best multiple of what a little of a candidate does, and its values there.

@@ -13,6 +13,7 @@ from typing import Any, Generic
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.reduction.modal_solution import times
 from updating.inference.frf_inputs import F, FrfInputs
 from updating.modal.poles import channel_sizes, poles_of_order
 
@@ -88,7 +89,7 @@ class Continuation:
         kernel = cells * sigma / (np.pi * ((f[:, None] - f) ** 2 + sigma**2))
         there = np.isfinite(self.rest)
         inside = np.tensordot(kernel, there.astype(float), axes=1)
-        rest = np.tensordot(kernel, np.where(there, self.rest, 0.0), axes=1)
+        rest = times(kernel, np.where(there, self.rest, 0.0))
         terms = _terms(2 * np.pi * (1j * f + sigma), 2 * np.pi * f[-1], self.poles)
         H: Complexes = rest / np.maximum(inside, LEAST_INSIDE / 2) + np.tensordot(terms, self.factors, axes=1)
         return H, inside

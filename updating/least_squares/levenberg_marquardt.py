@@ -20,6 +20,7 @@ from enum import Enum
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
+import scipy.linalg as sla
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -303,7 +304,7 @@ class _ScaledStep:
         """Return the step within the limits, and the gain that the one without limits promises."""
         H = self.H + damping * np.eye(len(self.g))
         goal = np.asarray(-np.linalg.solve(H, self.g), dtype=float)
-        return step_within(goal, H, self.g, self.limits) / self.scale, -0.5 * float(self.g @ goal)
+        return step_within(goal, H, self.limits) / self.scale, -0.5 * float(self.g @ goal)
 
 
 def _sizes(matrix: Floats) -> Floats:
@@ -314,10 +315,9 @@ def _sizes(matrix: Floats) -> Floats:
 def step_within(
     goal: NDArray[np.float64],
     H: NDArray[np.float64],
-    g: NDArray[np.float64],
     limits: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64]:
-    """Return a step towards the minimum of ½ pᵀ H p + gᵀ p that stays within limits.
+    """Return a step towards the minimum of ½ (p - goal)ᵀ H (p - goal) that stays within limits.
 
     From 0 towards the minimum up to the first limit; the unknown that has met it stays there, and the others
     go on towards their minimum under this constraint. So one with a long way to go does not hold the others
@@ -329,22 +329,29 @@ def step_within(
         The minimum without limits.
     H : ndarray (n, n)
         Positive definite.
-    g : ndarray (n,)
     limits : (ndarray (n,), ndarray (n,))
         Of each unknown, with 0 between them.
     """
     lower, upper = limits
-    at, fixed = np.zeros(len(goal)), np.zeros(len(goal), dtype=bool)
-    while not fixed.all():
+    at, free = np.zeros(len(goal)), goal
+    fixed: list[int] = []
+    columns = np.zeros((len(goal), 0))
+    while len(fixed) < len(goal):
         move = goal - at
+        move[fixed] = 0.0
         room = np.where(move > 0, upper, lower) - at
         share = np.full(len(at), np.inf)
-        np.divide(room, move, out=share, where=~fixed & (move != 0))
+        np.divide(room, move, out=share, where=move != 0)
         first = int(np.argmin(share))
         if not share[first] < 1:
             return goal
         at = at + share[first] * move
-        at[first], fixed[first] = (upper if move[first] > 0 else lower)[first], True
-        rest, goal = ~fixed, at.copy()
-        goal[rest] = -np.linalg.solve(H[np.ix_(rest, rest)], g[rest] + H[np.ix_(rest, fixed)] @ at[fixed])
+        at[first] = (upper if move[first] > 0 else lower)[first]
+        if not fixed:
+            factor = sla.lu_factor(H, check_finite=False)
+        fixed.append(first)
+        # Forces on what is fixed move all others: with H⁻¹ of these alone, no system is solved anew.
+        columns = np.column_stack([columns, sla.lu_solve(factor, np.eye(1, len(at), first)[0])])
+        goal = free + columns @ np.linalg.solve(columns[fixed], (at - free)[fixed])
+        goal[fixed] = at[fixed]
     return at

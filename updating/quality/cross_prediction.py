@@ -12,6 +12,7 @@ Gaussian Processes for Machine Learning, 2006, sections 2.2 and 5.4.2).
 """
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -64,6 +65,8 @@ class Field:
         λ [rad²/s²].
     loose : ndarray of bool (r,)
         Shapes of the model without its releasable constraints, which do not take part in the mean.
+    respond : callable
+        Takes other forces (n_dof, n) to the modal coordinates of the response, (n_lines, r, n).
     """
 
     lines: NDArray[np.int64]
@@ -72,6 +75,7 @@ class Field:
     mean: NDArray[np.complex128]
     eigenvalues: NDArray[np.float64]
     loose: NDArray[np.bool_]
+    respond: Callable[[NDArray[np.float64]], NDArray[np.complex128]]
 
     def weight(self, rough: float, loose: float, lines: slice = slice(None)) -> NDArray[np.float64]:
         """Return the variances of modal coordinates, up to a factor, (n_lines, r).
@@ -83,16 +87,11 @@ class Field:
         return out * np.where(self.loose, loose**2, 1.0)
 
     @classmethod
-    def of(
-        cls,
-        problem: FitProblem,
-        result: FitResult,
-        n_lines: int = N_PREDICTION_LINES,
-        forces: NDArray[np.float64] | None = None,
-    ) -> "Field":
-        """Return the field of a fitted model, for the problem's excitations or other forces (n_dof, n_in)."""
+    def of(cls, problem: FitProblem, result: FitResult) -> "Field":
+        """Return the field of a fitted model for the problem's excitations."""
         data, model, basis = problem.data, problem.reduced.model, problem.reduced.basis
-        lines = np.unique(np.linspace(0, len(data.frequency) - 1, n_lines).round().astype(np.int64))
+        every = np.linspace(0, len(data.frequency) - 1, N_PREDICTION_LINES)
+        lines = np.unique(every.round().astype(np.int64))
         f = data.frequency[lines]
         omega = 2 * np.pi * f
         released = {key for e in result.effects for key in e.released()}
@@ -114,27 +113,32 @@ class Field:
         by_zeta = np.sqrt(np.maximum(lam, 0.0)) * omega[:, None] if problem.viscous else lam
         diagonal = diagonal + 2j * zeta[:, None] * by_zeta + (1j * omega * d.alpha - omega**2)[:, None]
         shapes = T @ V
-        force = shapes.T @ (problem.vectors[1] if forces is None else forces)
         springs = [e for e in (*fitted.effects, *result.effects) if e.connection]
         G: Any = sum_contributions(tuple(c for e in springs for c in model.parts_of(e)), model.n_dof)[0]
-        mean: Any
+        Z: Any = None
         if C.any() or D.any() or (connections and G.nnz):
             C, D, G = V.T @ C @ V, V.T @ D @ V, shapes.T @ (G @ shapes)
-            Z: Any = 1j * (omega[:, None, None] * C + D)
+            Z = 1j * (omega[:, None, None] * C + D)
             for ratio in connections:
                 Z += 2j * (ratio - zeta)[:, None, None] * G
             r = np.arange(len(lam))
             Z[:, r, r] += diagonal
-            mean = np.linalg.solve(Z, np.broadcast_to(force.astype(complex), (len(f), *force.shape)))
-        else:
-            mean = (force / diagonal[:, :, None]).astype(complex)
+        modes, free = shapes, np.zeros(0)
         if len(columns) < basis.T.shape[1]:
             K, M = (np.asarray(basis.T.T @ (X @ basis.T)) for X in full[:2])
             free, V = sla.eigh(K, M, check_finite=False)
             shapes, lam = np.hstack([shapes, basis.T @ V]), np.concatenate([lam, free])
-            mean = np.concatenate([mean, np.zeros((len(f), len(free), mean.shape[2]))], axis=1)
+
+        def respond(forces: NDArray[np.float64]) -> NDArray[np.complex128]:
+            force = modes.T @ forces
+            if Z is None:
+                mean = (force / diagonal[:, :, None]).astype(complex)
+            else:
+                mean = np.linalg.solve(Z, np.broadcast_to(force.astype(complex), (len(f), *force.shape)))
+            return np.concatenate([mean, np.zeros((len(f), len(free), mean.shape[2]))], axis=1)
+
         loose = np.arange(len(lam)) >= len(columns)
-        return cls(lines, f, shapes, mean, np.maximum(lam, 0.0), loose)
+        return cls(lines, f, shapes, respond(problem.vectors[1]), np.maximum(lam, 0.0), loose, respond)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

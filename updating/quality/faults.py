@@ -199,19 +199,19 @@ def _most_convincing(problem: FitProblem, result: FitResult) -> tuple[Fault, ...
     for view, fitted, as_here in _views(problem, result):
         X = cross_predict(view, Field.of(view, fitted))
         best = _best(view, fitted, X)
-        found = [_excitation_faults(view, fitted, X), _misplaced(view, fitted, X)]
+        found = [_excitation_faults(view, fitted, X), _misplaced(view, X)]
         if best is not None and best.believed:
             found.append((best.fault,))
         options += [tuple(map(as_here, faults)) for faults in found if faults]
     return _likeliest(problem, result, options) if options else ()
 
 
-def _misplaced(problem: FitProblem, result: FitResult, X: CrossPrediction) -> tuple[Fault, ...]:
+def _misplaced(problem: FitProblem, X: CrossPrediction) -> tuple[Fault, ...]:
     """Return the force that is most certainly at another place of the test, if forces are few."""
     m = problem.data.measurement
     if len(m.sensors) < LEAST_CHANNELS or len(m.excitations) >= LEAST_CHANNELS:
         return ()
-    found = [misplaced_force(problem, result, X, j) for j in range(len(m.excitations))]
+    found = [misplaced_force(problem, X, j) for j in range(len(m.excitations))]
     return tuple(fault for _, fault in sorted((f for f in found if f), key=lambda f: -f[0])[:1])
 
 

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from fem.model import dofs_of
 from updating.inference.fit import FitProblem
-from updating.inference.fit_result import FitResult
 from updating.measurement.measurement import Sensor
 from updating.quality.corrections import Fault, log_odds_against
-from updating.quality.cross_prediction import CrossPrediction, Field
+from updating.quality.cross_prediction import CrossPrediction
 
 
 def other_places(problem: FitProblem, channel: Sensor) -> dict[int, str]:
@@ -42,9 +41,7 @@ def moved(problem: FitProblem, channel: Sensor, kind: str, point: int, name: str
     return Fault(kind, channel.name, distance, 0.0, "m", name, shift=tuple(shift.tolist()))
 
 
-def misplaced_force(
-    problem: FitProblem, result: FitResult, X: CrossPrediction, j: int
-) -> tuple[float, Fault] | None:
+def misplaced_force(problem: FitProblem, X: CrossPrediction, j: int) -> tuple[float, Fault] | None:
     """Return the most probable other place of force j, and by how much it is more probable [nats].
 
     None where no place of the test explains the readings better than the stated one.
@@ -57,7 +54,7 @@ def misplaced_force(
     points = [*places, model.mesh.nearest_point(force.point)[0]]
     F = np.zeros((model.n_dof, len(points)))
     F[dofs_of(points)[:, :3].T, np.arange(len(points))] = force.gain * np.asarray(force.direction)[:, None]
-    likelihood = _log_likelihoods(problem, result, X, j, F)
+    likelihood = _log_likelihoods(problem, X, j, F)
     gain = likelihood[:-1] - likelihood[-1] - np.log(len(places)) - log_odds_against(len(m.excitations))
     best = int(np.argmax(gain))
     if not gain[best] > 0:
@@ -66,10 +63,10 @@ def misplaced_force(
 
 
 def _log_likelihoods(
-    problem: FitProblem, result: FitResult, X: CrossPrediction, j: int, forces: NDArray[np.float64]
+    problem: FitProblem, X: CrossPrediction, j: int, forces: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the log likelihood of the readings of force j for other forces (n_dof, n), each (n,)."""
-    mean = Field.of(problem, result, len(X.field.lines), forces).mean
+    mean = X.field.respond(forces)
     y, seen = X.measured[:, :, j], X.seen[:, :, j]
     d: Any = np.where(seen[:, :, None], y[:, :, None] - X.rows @ mean, 0.0)
     S = X.inverse[:, j]

@@ -114,11 +114,10 @@ class Scan:
         every = np.concatenate([(measured - H)[None], slopes * std[:, None, None, None]]) * weight
         every = every if data.phase else (every * along.conj()).real
         X: Complexes = np.ascontiguousarray(every.transpose(1, 3, 2, 0)).astype(complex)
-        total = np.real(np.tensordot(X.conj(), X, axes=([0, 1, 2], [0, 1, 2])))
         return cls(
             problem,
             X,
-            total,
+            _products(X),
             np.ascontiguousarray(weight.transpose(0, 2, 1)),
             Reach(problem.reduced.model, changes),
             None if data.phase else np.ascontiguousarray(along.conj().transpose(0, 2, 1)),
@@ -152,7 +151,7 @@ class Scan:
             size = np.sqrt((np.abs(A) ** 2).sum(axis=2, keepdims=True))
             Q, _ = np.linalg.qr(A / np.maximum(size, 1e-300))
             P = np.swapaxes(Q.conj(), 2, 3) @ X
-            total = total - np.real(np.tensordot(P.conj(), P, axes=([0, 1, 2], [0, 1, 2])))
+            total = total - _products(P)
             n = max(n - A.shape[3] * A.shape[0] * A.shape[1], 0.25 * n)
         b, N = total[0, 1:], total[1:, 1:]
         residual = total[0, 0]
@@ -161,3 +160,11 @@ class Scan:
             p = np.linalg.solve(N / level + np.eye(len(N)), b / level)
             residual = float(total[0, 0] - 2 * p @ b + p @ N @ p)
         return max(residual, 1e-12) / max(n, 1.0)
+
+
+def _products(X: Complexes) -> Floats:
+    """Return the real parts of the inner products of the columns of X (…, n), (n, n)."""
+    flat = X.reshape(-1, X.shape[-1])
+    both = np.concatenate([flat.real, flat.imag])
+    out: Floats = both.T @ both
+    return out
