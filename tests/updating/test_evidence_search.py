@@ -85,6 +85,7 @@ def run(monkeypatch):
             "swapped": lambda self, h: h,
             "with_enriched_basis": lambda self, h: h,
             "unknown": lambda self, h: unknown,
+            "short_of": lambda self, h: 0.0,  # what is hopeless is judged elsewhere
         }.items():
             monkeypatch.setattr(Search, name, f)
         search = object.__new__(Search)
@@ -177,10 +178,10 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(monkeypatch, far, expl
     )
     search.known, search.promised = {base.key: base}, {}
     new = module.NextHypotheses(tuple(Given("a", 0.0).effects), [Start({}, None)], 5.0, False)
-    monkeypatch.setattr(Search, "proposals", lambda self, base, quick: [new])
+    monkeypatch.setattr(Search, "proposals", lambda self, base, quick, far: [new])
     monkeypatch.setattr(Search, "settled", lambda self, h: explains)
     monkeypatch.setattr(Search, "explains", lambda self, h: explains)
-    search.from_near(base, SimpleNamespace(far_start=lambda fitted: None), now=0.0, far=True)
+    search.from_near(base, SimpleNamespace(far_start=lambda fitted: None), now=0.0, far=far)
     assert asked == [steps]
 
 
@@ -204,7 +205,7 @@ def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
         module.NextHypotheses(tuple(Given(k, 0.0).effects), [Start({}, None)] if w > 0 else [], w, False)
         for k, w in looks.items()
     ]
-    monkeypatch.setattr(Search, "proposals", lambda self, base, quick: asked)
+    monkeypatch.setattr(Search, "proposals", lambda self, base, quick, far: asked)
     monkeypatch.setattr(Search, "settled", lambda self, h: True)
     monkeypatch.setattr(Search, "explains", lambda self, h: True)
     search.from_near(base, SimpleNamespace(), now=0.0, far=False)
