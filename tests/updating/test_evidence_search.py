@@ -25,6 +25,10 @@ from updating.diagnosis.evidence import fits as fits_module
 from updating.diagnosis.evidence import search as module
 from updating.forecast import EffectEstimate
 from updating.inference import ALONE
+from updating.inference.belief import UNKNOWN_ODDS
+
+ODDS = 8.0
+"""What an effect has to gain beyond its score [nats]."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ def run(monkeypatch):
             "swapped": lambda self, h: h,
             "with_enriched_basis": lambda self, h: h,
             "unknown": lambda self, h: unknown,
-            "short_of": lambda self, h: 0.0,  # what is hopeless is judged elsewhere
+            "short_of": lambda self, h: unknown - h.score - ODDS * len(h.letters) + UNKNOWN_ODDS,
         }.items():
             monkeypatch.setattr(Search, name, f)
         search = object.__new__(Search)

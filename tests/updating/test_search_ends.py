@@ -20,7 +20,8 @@ from updating.diagnosis.evidence.diagnosis import _most_probable_first
     ],
 )
 def test_a_search_ends_if_its_rounds_cannot_add_up_to_an_explanation(short, hopeless):
-    assert Search.is_hopeless(SimpleNamespace(budget=NORMAL), short) == hopeless
+    n_effects = len(short) - 1
+    assert Search.is_hopeless(SimpleNamespace(budget=NORMAL), short, n_effects) == hopeless
 
 
 @pytest.mark.parametrize("explains", [True, False])

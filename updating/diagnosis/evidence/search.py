@@ -282,12 +282,13 @@ class Search(Generic[P]):
             elif self.explains(best):
                 break
             short += [self.short_of(h) for h in beam[:1]]
-            if self.is_hopeless(short):
+            if beam and self.is_hopeless(short, len(beam[0].effects)):
                 beam, n_back = [], self.budget.most_back
             # One of several missing effects may not pay for itself: on, while the unknown is more probable.
             beam = [h for h in beam if len(h.effects) < self.budget.most_effects]
             if not beam and not self.explains(best) and n_back < self.budget.most_back:
                 n_back += 1
+                short = short[:1]
                 unvisited = [
                     h
                     for h in self.known.values()
@@ -892,7 +893,7 @@ class Search(Generic[P]):
             self._allowed = problem, problem.allowed_squares()
         return float(h.fitted.gain_to(self._allowed[1]))
 
-    def is_hopeless(self, short: Sequence[float]) -> bool:
+    def is_hopeless(self, short: Sequence[float], n_effects: int) -> bool:
         """Whether rounds that each gain as much as the best one so far will not explain the data.
 
         Effects of one cause may work only together, so that one round does not tell.
@@ -901,7 +902,10 @@ class Search(Generic[P]):
         ----------
         short : sequence of float
             :meth:`short_of` of the leading hypothesis before the first round and after each [nats].
+        n_effects : int
+            Of the leading hypothesis.
         """
-        n = len(short) - 1
-        gains = -np.diff(short)
-        return n > 1 and short[-1] > UNKNOWN_ODDS + (self.budget.most_effects - n) * max(gains)
+        if len(short) < 3:
+            return False
+        more = (self.budget.most_effects - n_effects) * max(-np.diff(short))
+        return bool(short[-1] > UNKNOWN_ODDS + more)
