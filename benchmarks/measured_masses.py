@@ -200,9 +200,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             out.write(json.dumps(known[key]) + "\n")
             out.flush()
     rows = [known[options.form, sample, missing] for sample, missing in chosen]
-    print(
-        "| queries | n | right | in the 90 % set | sure and wrong | nothing | set, median | mean | CPU s |"
-    )
+    print("| queries | n | right | in the 90 % set | sure and wrong | nothing | set, median | mean | CPU s |")
     print("|---|---|---|---|---|---|---|---|---|")
     print(row_of("one mass left out", [r for r in rows if r["query"][2]]))
     print(row_of("nothing left out", [r for r in rows if not r["query"][2]]))
