@@ -1,4 +1,4 @@
-"""One of six masses of a measured cantilever is left out of its model: python -m benchmarks.measured_masses FILE
+"""A measured cantilever, one of six masses left out of its model: python -m benchmarks.measured_masses FILE
 
 FILE holds ``position`` (n, 6) [m] of the masses and ``peaks`` (n, 4) [Hz] of n samples (de Sousa and Machado,
 Data in Brief, 2024). Each sample is diagnosed six times with a model that lacks one of its masses, and once
@@ -200,9 +200,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             out.write(json.dumps(known[key]) + "\n")
             out.flush()
     rows = [known[options.form, sample, missing] for sample, missing in chosen]
-    print(
-        "| queries | n | right | in the 90 % set | sure and wrong | nothing missing | set, median | mean | CPU s |"
-    )
+    print("| queries | n | right | in the 90 % set | sure and wrong | nothing | set, median | mean | CPU s |")
     print("|---|---|---|---|---|---|---|---|---|")
     print(row_of("one mass left out", [r for r in rows if r["query"][2]]))
     print(row_of("nothing left out", [r for r in rows if not r["query"][2]]))
