@@ -10,7 +10,7 @@ from tests.updating.test_evidence_modes import E, cantilever
 from updating import ModeTargets, diagnose_modes, propose
 from updating.diagnosis import admitted, situated, unstated
 from updating.diagnosis.evidence import Odds, near_to, place_of
-from updating.inference import EFFECT_ODDS, UNSTATED
+from updating.inference import MISSING, UNSTATED
 
 
 def kinds_of(*args, **more):
@@ -53,8 +53,8 @@ def test_a_kind_costs_the_odds_of_its_environment_and_does_not_crowd_its_place()
     assert len(fluid) == 2
     dry = Odds.of(every, model)
     wet = Odds.of(every, model.in_environment(Environment.FLUID))
-    assert wet.prior(fluid[:1]) == wet.prior((mass,)) == pytest.approx(-EFFECT_ODDS - np.log(len(every)))
-    assert dry.prior((mass,)) == pytest.approx(-EFFECT_ODDS - np.log(len(every) - 2 + 2 * 0.01))
+    assert wet.prior(fluid[:1]) == wet.prior((mass,)) == pytest.approx(-np.log(len(every)))
+    assert dry.prior((mass,)) == pytest.approx(-np.log(len(every) - 2 + 2 * 0.01))
     assert dry.prior(fluid[:1]) - dry.prior((mass,)) == pytest.approx(np.log(0.01))
 
 
@@ -72,11 +72,11 @@ def test_a_cantilever_with_low_frequencies_is_in_water_only_where_the_study_says
     assert kinds == (["fluid_added_mass"] if stated else ["member_section"])
 
 
-def test_all_candidates_together_have_the_odds_of_one_more_change():
+def test_all_candidates_together_are_as_probable_as_none():
     """Kinds of places, places of a kind, and candidates of a place are equally probable."""
     model = portal()
     kinds = ["point_mass", "member_stiffness", "support_flexibility"]
     every = [e for e in propose(model, kinds) if len(near_to(e)) == 1]
     assert {place_of(e)[0] for e in every} == {"member", "support"}
     odds = Odds.of(every, model)
-    assert sum(np.exp(odds.prior((e,))) for e in every) == pytest.approx(np.exp(-EFFECT_ODDS))
+    assert sum(np.exp(odds.prior((e,))) for e in every) == pytest.approx((1 - MISSING) / MISSING)

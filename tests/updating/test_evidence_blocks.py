@@ -119,7 +119,7 @@ def test_of_a_block_near_the_data_go_on_the_directions_that_pay(problem, springs
 
 
 def test_each_effect_costs_its_odds_and_each_place_its_number():
-    """Of 2 joints with 3 candidates each: 1/10 for an effect, 1/2 for a joint, 1/3 for a law there."""
+    """Of 2 joints with 3 candidates each: 1/2 for a joint, 1/3 for a law there, 1/10 for a second effect."""
 
     def spring(joint, axis):
         return JointStiffness(
@@ -130,9 +130,9 @@ def test_each_effect_costs_its_odds_and_each_place_its_number():
     odds = Odds.of(every, cross_beam())
     one, same, other = every[:1], every[:2], (every[0], every[3])
     assert odds.prior(()) == 0.0
-    assert odds.prior(one) == pytest.approx(-np.log(10 * 2 * 3))
-    assert odds.prior(same) == pytest.approx(-np.log(10 * 2 * 3 * 10 * 3))
-    assert odds.prior(other) == pytest.approx(2 * odds.prior(one))
+    assert odds.prior(one) == pytest.approx(-np.log(2 * 3))
+    assert odds.prior(same) == pytest.approx(-np.log(2 * 3 * 10 * 3))
+    assert odds.prior(other) == pytest.approx(2 * odds.prior(one) - np.log(10))
     assert odds.against(one, every[1:2]) == pytest.approx(np.log(10 * 3))
 
 
@@ -141,8 +141,9 @@ def test_a_law_with_two_changes_costs_as_much_as_two_effects(problem):
     every = {e.kind: e for e in propose(problem.reduced.model)}
     assert n_changes(every["point_mass"]) == n_changes(every["support_flexibility"]) == 1
     assert n_changes(every["foundation"]) == 2
-    odds = Odds({}, {}, {})
-    assert odds.prior([every["foundation"]]) == pytest.approx(2 * odds.prior([every["support_flexibility"]]))
+    odds, springs = Odds({}, {}, {}), [every["support_flexibility"]] * 2
+    assert odds.prior([every["foundation"]]) == pytest.approx(odds.prior(springs))
+    assert odds.prior(springs) < odds.prior(springs[:1])
 
 
 def test_what_is_at_its_bound_does_not_adapt(problem):

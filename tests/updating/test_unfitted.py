@@ -94,6 +94,7 @@ def test_what_promises_to_be_a_twin_of_the_best_hypothesis_is_fitted():
     search, nothing = begun(["member_section", "support_flexibility"])
     search.promise_rest(nothing)
     twin, *others = search.promises()
+    search.promised = {h.key: h.at_score(nothing.score - 2 * TWIN_NATS) for h in others}
     search.promised[twin.key] = twin.at_score(nothing.score - TWIN_NATS / 2)
     search.fit_promised()
     assert search.is_full(search.known[twin.key])
@@ -102,13 +103,13 @@ def test_what_promises_to_be_a_twin_of_the_best_hypothesis_is_fitted():
 
 
 def test_frequencies_alone_are_not_sure_of_nothing():
-    """Priors give one effect of each kind of place a tenth of "nothing", and the data change little."""
+    """Before the data one effect of any kind is as probable as "nothing", and they change little."""
     model = cantilever()
     kinds = ["member_section", "support_flexibility", "point_mass"]
     found = diagnose_modes(model, measured(model, shapes=False), (E,), kinds=kinds, model_error=0.0)
     first = found.explanations[0]
     assert not first.effects
-    assert 0.75 < first.probability < 0.99
+    assert 0.5 < first.probability < 0.9
     assert sum(e.probability for e in found.explanations) == pytest.approx(1.0)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from fem.model import Effect, Model, covers, parameter_values
 from updating.diagnosis.candidates import admitted
 from updating.diagnosis.evidence.places import place_of
-from updating.inference.belief import EFFECT_ODDS
+from updating.inference.belief import EFFECT_ODDS, MISSING
 from updating.inference.fit_result import FitResult
 
 Values = tuple[dict[str, float], ...]
@@ -89,7 +89,7 @@ class Odds:
     n_places: Mapping[str, int]
     admitted: Mapping[str, float]
     beforehand: float = 0.0
-    something: float = EFFECT_ODDS
+    something: float = 0.0
 
     @classmethod
     def of(cls, candidates: Sequence[Effect], model: Model, beforehand: float = 0.0) -> "Odds":
@@ -100,8 +100,8 @@ class Odds:
         n_candidates: dict[str, float] = {}
         for c, (_, name) in zip(candidates, where, strict=True):
             n_candidates[name] = n_candidates.get(name, 0.0) + share[c.kind]
-        p = believed.missing
-        something = EFFECT_ODDS if p is None else float(np.log((1 - p) / p))
+        p = MISSING if believed.missing is None else believed.missing
+        something = float(np.log((1 - p) / p))
         return cls(n_candidates, Counter(kind for kind, _ in set(where)), share, beforehand, something)
 
     def prior(self, effects: Sequence[Effect]) -> float:
