@@ -217,8 +217,8 @@ class Visibility:
                 little=littles[owner[i]],
                 position=int(forecast.place[i]),
                 enough=(seen[n], located[n], named[n]),
-                nats=(wanted[i], over_rival[n]),
-                rival=forecast.effect_at(j, slight[j]),
+                nats=(float(wanted[i]), float(over_rival[n])),
+                rival=forecast.effect_at(j, float(slight[j])),
                 alike=float(alike[n]),
             )
             for n, (i, j) in enumerate(zip(rows.tolist(), rival.tolist(), strict=True))
