@@ -261,7 +261,7 @@ class Look(Generic[P, C]):
             changes = [self._changes(grid)[:, self.residuals.full_band] for grid in some]
             replaced = [tuple(grid.effect.replaces()) for grid in some]
             # behind all points of the grids the residuals as they are, beside what each of them replaces
-            each = np.concatenate([*changes, np.zeros((len(some), len(self.share)))])
+            each = np.concatenate([*changes, np.zeros((len(some), len(self.share)), dtype=complex)])
             possible = _finite_rows(each)
             beside = [refs for refs, change in zip(replaced, changes, strict=True) for _ in change] + replaced
             rest = self.adapted_each(self.now + np.where(possible[:, None], each, 0.0), beside, self.off)

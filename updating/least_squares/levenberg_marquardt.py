@@ -333,7 +333,7 @@ def step_within(
         Of each unknown, with 0 between them.
     """
     lower, upper = limits
-    at, free = np.zeros(len(goal)), goal
+    at, free, factor = np.zeros(len(goal)), goal, None
     fixed: list[int] = []
     columns = np.zeros((len(goal), 0))
     while len(fixed) < len(goal):
@@ -347,7 +347,7 @@ def step_within(
             return goal
         at = at + share[first] * move
         at[first] = (upper if move[first] > 0 else lower)[first]
-        if not fixed:
+        if factor is None:
             factor = sla.lu_factor(H, check_finite=False)
         fixed.append(first)
         # Forces on what is fixed move all others: with H⁻¹ of these alone, no system is solved anew.

@@ -135,7 +135,8 @@ class Field:
                 mean = (force / diagonal[:, :, None]).astype(complex)
             else:
                 mean = np.linalg.solve(Z, np.broadcast_to(force.astype(complex), (len(f), *force.shape)))
-            return np.concatenate([mean, np.zeros((len(f), len(free), mean.shape[2]))], axis=1)
+            loose = np.zeros((len(f), len(free), mean.shape[2]), dtype=complex)
+            return np.concatenate([mean, loose], axis=1)
 
         loose = np.arange(len(lam)) >= len(columns)
         return cls(lines, f, shapes, respond(problem.vectors[1]), np.maximum(lam, 0.0), loose, respond)
