@@ -99,7 +99,10 @@ def main(argv=None):
     p.add_argument("answers", type=Path, nargs="+", help="a folder for each program, which it is named by")
     p.add_argument("--oracle", type=Path, help="JSON file: nats of the truth by case")
     p.add_argument("--page", type=Path, help="Markdown file for the tables; its picture stands beside it")
-    for name, says in (("seal", "move the truth away and leave seals"), ("reveal", "bring sealed truth back")):
+    for name, says in (
+        ("seal", "move the truth away and leave seals"),
+        ("reveal", "bring sealed truth back"),
+    ):
         p = commands.add_parser(name, help=says)
         p.add_argument("cases", type=Path)
         p.add_argument("kept", type=Path, help="the keeper's folder, with truth and salt")
@@ -124,7 +127,9 @@ def _run(options):
             _write(options.file, answered(options.name, options.case, options.limit))
         case "check":
             answer = read_answer(options.file, read_structure(options.case))
-            sys.stdout.write(f"{len(answer.explanations)} explanations, {100 * answer.unknown:.3g} % not stated\n")
+            sys.stdout.write(
+                f"{len(answer.explanations)} explanations, {100 * answer.unknown:.3g} % not stated\n"
+            )
         case "judge":
             truths = json.loads((options.cases / TRUTH).read_text(encoding="utf-8"))
             oracle = json.loads(options.oracle.read_text(encoding="utf-8")) if options.oracle else {}
@@ -134,12 +139,14 @@ def _run(options):
             if options.page:
                 picture = options.page.with_suffix(".png")
                 judging.draw(by_program, picture)
-                options.page.write_text(f"{text}\n![Log scores and outcomes]({picture.name})\n", encoding="utf-8")
+                options.page.write_text(
+                    f"{text}\n![Log scores and outcomes]({picture.name})\n", encoding="utf-8"
+                )
         case "seal":
             sys.stdout.write(f"{len(seal(options.cases, options.kept))} truths are sealed\n")
         case "reveal":
             reveal(options.cases, options.kept)
-            sys.stdout.write(f"every truth is what was sealed\n")
+            sys.stdout.write("every truth is what was sealed\n")
     return 0
 
 

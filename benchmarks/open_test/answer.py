@@ -102,7 +102,10 @@ def read_answer(file, structure):
     unexplained = _probability(f"{file}, unexplained", told.get("unexplained", 0.0))
     total = unexplained + math.fsum(e.probability for e in explanations)
     if total > 1 + 1e-6:
-        _refuse(file, f"the probabilities of explanations and of unexplained are together {total:.4g}; 1 is allowed")
+        _refuse(
+            file,
+            f"the probabilities of explanations and of unexplained are together {total:.4g}; 1 is allowed",
+        )
     return Answer(
         told["case"],
         told["program"],

@@ -130,7 +130,9 @@ def nominal_of(told):
     (material,) = told["materials"]
     shapes = {v: k for k, v in SHAPES.items()}
     names = {v: k for k, v in TOLERANCES.items()}
-    points = {str(s["node"]): s["at"] for s in told["sensors"]} | {s["name"]: s["at"] for s in told["supports"]}
+    points = {str(s["node"]): s["at"] for s in told["sensors"]} | {
+        s["name"]: s["at"] for s in told["supports"]
+    }
     return {
         "case": told["case"],
         "structure": told["description"],

@@ -26,10 +26,15 @@ class Kind:
 
 KINDS = {
     "connection_stiffness": Kind(
-        "stiffness of a joint or support in a direction, as it is", CONNECTION, "N/m or N·m/rad", directed=True
+        "stiffness of a joint or support in a direction, as it is",
+        CONNECTION,
+        "N/m or N·m/rad",
+        directed=True,
     ),
     "connection_damping": Kind(
-        "damping of a joint or support: loss factor, or dashpot in a direction", CONNECTION, "- or N·s/m, N·m·s/rad"
+        "damping of a joint or support: loss factor, or dashpot in a direction",
+        CONNECTION,
+        "- or N·s/m, N·m·s/rad",
     ),
     "connection_offset": Kind("a joint, clamp or foot acts elsewhere than stated", CONNECTION, "m"),
     "mass": Kind("additional mass at a point", MEMBER, "kg", placed=True),

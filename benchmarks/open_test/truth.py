@@ -27,7 +27,13 @@ def neutral_effects(effect):
             return []
         case "connection":
             out = [
-                {"kind": "connection_stiffness", "place": place, "direction": d, "value": k, "unit": _stiffness(d)}
+                {
+                    "kind": "connection_stiffness",
+                    "place": place,
+                    "direction": d,
+                    "value": k,
+                    "unit": _stiffness(d),
+                }
                 for d, k in size["k"].items()
             ]
             if "loss_factor" in size:
@@ -40,7 +46,9 @@ def neutral_effects(effect):
             return [{"kind": "connection_offset", "place": place, "value": size, "unit": "m"}]
         case "sensor_fault":
             other = [size["swapped_with"]] if "swapped_with" in size else []
-            return [{"kind": "sensor", "place": effect["location"], "also": other, "value": size, "unit": "-"}]
+            return [
+                {"kind": "sensor", "place": effect["location"], "also": other, "value": size, "unit": "-"}
+            ]
     msg = f"the truth {effect['type']!r} has no kind in the test"
     raise ValueError(msg)
 

@@ -72,7 +72,11 @@ def effects_of(name, values, structure):
         out = []
         for neutral in AT_CONNECTION[kind]:
             directed = {"direction": parts[-1]} if neutral == "connection_stiffness" else {}
-            out.append({"kind": neutral, "place": place} | directed | (size if neutral == AT_CONNECTION[kind][0] else {}))
+            out.append(
+                {"kind": neutral, "place": place}
+                | directed
+                | (size if neutral == AT_CONNECTION[kind][0] else {})
+            )
         return out
     if kind in OF_A_PART and structure.connections.get(place):
         member, s = structure.connections[place][0]
@@ -82,7 +86,9 @@ def effects_of(name, values, structure):
 
 def explanations_of(diagnosis, structure):
     """Return the explanations of a diagnosis, equal ones together, and the probability of no explanation."""
-    faults = [{"kind": "sensor", "place": f.sensor} for f in diagnosis.faults if f.sensor in structure.sensors]
+    faults = [
+        {"kind": "sensor", "place": f.sensor} for f in diagnosis.faults if f.sensor in structure.sensors
+    ]
     kept, unexplained = {}, 0.0
     for e in diagnosis.explanations:
         told, known = [], e.known
@@ -96,7 +102,9 @@ def explanations_of(diagnosis, structure):
         effects = (*told, *faults)
         key = frozenset((x["kind"], x["place"], x.get("direction"), _about(x, structure)) for x in effects)
         one = kept.get(key)
-        kept[key] = Explanation(e.probability + (one.probability if one else 0.0), one.effects if one else effects)
+        kept[key] = Explanation(
+            e.probability + (one.probability if one else 0.0), one.effects if one else effects
+        )
     return tuple(kept.values()), unexplained
 
 

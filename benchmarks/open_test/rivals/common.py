@@ -123,7 +123,10 @@ class Case:
                 at = [{"position": s * self.structure.lengths[member]} for s in PLACES]
             sizes = _sizes(e, p, self)
             log = e.kind in ("joint_stiffness", "support_flexibility")
-            bounds = (max(p.lower, -0.7) - p.absent, min(p.upper, 0.95 if p.name == "loss" else np.inf) - p.absent)
+            bounds = (
+                max(p.lower, -0.7) - p.absent,
+                min(p.upper, 0.95 if p.name == "loss" else np.inf) - p.absent,
+            )
             for values in at:
                 placed = e.with_values(**values) if values else e
                 key = f"{e.name}{values.get('position', '')}"
@@ -281,7 +284,9 @@ class Updating:
     def matrices(self, changes):
         """Return K, M, C and D after changes, of options and of what is uncertain."""
         amount = np.where(self.log, np.expm1(np.clip(changes, *LOG_BOUNDS)), changes)
-        return [b + np.tensordot(amount, s, 1) for b, s in zip(self.case.reduced.base, self.slopes, strict=True)]
+        return [
+            b + np.tensordot(amount, s, 1) for b, s in zip(self.case.reduced.base, self.slopes, strict=True)
+        ]
 
     def linearised(self, changes, columns=slice(None)):
         """Return residuals (n,) and slopes with some changes (n, n_columns) in standard deviations of the data."""
@@ -343,7 +348,7 @@ class Updating:
             square = float(r @ np.linalg.solve(np.eye(len(r)) + usual @ usual.T, r))
             return (), -0.5 * len(r) * np.log(square / len(r))
         x, covariance, square, n = self.fit(lambda A, b: np.linalg.lstsq(A, b, rcond=None)[0], chosen)
-        std = np.sqrt(np.diag(covariance))
+        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         told = []
         for k, s in zip(chosen, std, strict=True):
             size = self.value(k, x[k])

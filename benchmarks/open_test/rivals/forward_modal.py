@@ -33,7 +33,9 @@ def solve(case):
     poor = np.argsort(comac(case))
     members = [case.structure.told["sensors"][i]["member"] for i in poor]
     order = {m: k for k, m in reversed(list(enumerate(members)))}
-    options = sorted(case.options(KINDS), key=lambda o: order.get(getattr(o.effect, "member", None), len(members)))
+    options = sorted(
+        case.options(KINDS), key=lambda o: order.get(getattr(o.effect, "member", None), len(members))
+    )
     model, chosen, found = Updating(case, options), [], {}
     told, weight = model.hypothesis([])
     found[told] = weight

@@ -50,7 +50,9 @@ class Frfs:
 
     def moved(self, matrices, x):
         """Return matrices after changes of what is uncertain."""
-        return [m + sum(a * s[i] for a, s in zip(x, self.common, strict=False)) for i, m in enumerate(matrices)]
+        return [
+            m + sum(a * s[i] for a, s in zip(x, self.common, strict=False)) for i, m in enumerate(matrices)
+        ]
 
     def computed(self, matrices, x):
         """Return accelerances at the lines."""
@@ -94,6 +96,7 @@ class Frfs:
 
 def best_size(frfs, option, beside=()):
     """Return the size of an option that fits best and the misfit, by three points of a parabola at a time."""
+
     def misfit(size):
         matrices = frfs.case.reduced.with_effects([*beside, option.at(size)])
         return np.inf if matrices is None else frfs.misfit(matrices)
