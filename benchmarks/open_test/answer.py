@@ -10,7 +10,8 @@ from benchmarks.open_test.kinds import check_effect
 
 ANSWER_FORMAT = "open test of missing physics, answer, version 1"
 KEYS = {
-    "format", "case", "program", "version", "cpu_seconds", "explanations", "unexplained", "not_above", "ended",
+    "format", "case", "program", "version", "cpu_seconds", "ended", "explanations", "unexplained",
+    "not_above",
 }  # fmt: skip
 
 

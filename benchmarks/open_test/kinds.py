@@ -1,7 +1,7 @@
 """The kinds of effects that answers name, and which answers say the same.
 
-An effect is a dict with ``kind``, ``place`` and, by kind, ``direction`` and ``position`` [m] along the member;
-``value`` in ``unit`` and ``std`` are stated where they are known.
+An effect is a dict with ``kind``, ``place`` and, by kind, ``direction`` and ``position`` [m] along the
+member; ``value`` in ``unit`` and ``std`` are stated where they are known.
 """
 
 from dataclasses import dataclass
@@ -69,7 +69,8 @@ def check_effect(effect, structure, where):
         msg = f"{where}: there is no kind {effect.get('kind')!r}; kinds are {', '.join(KINDS)}"
         raise CaseError(msg)
     if effect.get("place") not in (known := places(kind, structure)):
-        msg = f"{where}: {effect['kind']} at {effect.get('place')!r}; a place is one of {', '.join(sorted(known))}"
+        named = ", ".join(sorted(known))
+        msg = f"{where}: {effect['kind']} at {effect.get('place')!r}; a place is one of {named}"
         raise CaseError(msg)
     if kind.directed and effect.get("direction") not in DIRECTIONS:
         msg = f"{where}: direction is {effect.get('direction')!r}; one of {', '.join(DIRECTIONS)} is needed"
@@ -84,7 +85,8 @@ def check_effect(effect, structure, where):
 def is_same(said, true, structure):
     """Return whether a stated effect is the true one, by kind, place, direction and position.
 
-    A true effect may have ``also``, other places at which it is the same: both sensors of a swap, mirror places.
+    A true effect may have ``also``, other places at which it is the same: both sensors of a swap, mirror
+    places.
     What softens a member close to a connection acts as that connection does: a crack within `NEAR` of a
     member's length from a side of a connection is right where its stiffness about an axis is stated.
     """

@@ -1,4 +1,4 @@
-"""True effects in the words of the test, from truth.json of `benchmarks.independent.foreign`; and their seal."""
+"""True effects in the words of the test, from truth.json of `benchmarks.independent.foreign`; their seal."""
 
 import hashlib
 import json

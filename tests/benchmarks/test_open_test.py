@@ -1,16 +1,19 @@
 """The open test: cases in words of no program, answers that are read and judged, seals, and its rivals."""
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import benchmarks.open_test as package
 from benchmarks.independent.convert import convert
 from benchmarks.open_test.__main__ import main
 from benchmarks.open_test.answer import ANSWER_FORMAT, read_answer
 from benchmarks.open_test.case import CaseError, neutral, nominal_of, read_modes, read_structure
 from benchmarks.open_test.judge import IN_SET, PART, RIGHT, UNKNOWN, WRONG, judge
-from benchmarks.open_test.sets import SEALS, TRUTH
+from benchmarks.open_test.sets import SEALS, TRUTH, cases_of
 from benchmarks.open_test.words import effects_of
 from dovetail import load_study
 from fem import FRF, assemble, compute_frf
@@ -18,6 +21,7 @@ from fem.io import write_uff
 from updating import sensor_rows
 
 TUBE = {"type": "tube", "d": 0.026, "t": 0.0025, "h_direction": [0, 0, 1]}
+FOOT_AT, HEAD = [0.0, 0.0, 0.0], [0.0, 0.0, 0.5]
 SENSORS = [
     ("P", 0.2, "x"),
     ("P", 0.5, "x"),
@@ -49,13 +53,13 @@ def nominal(name="bracket-1"):
         "material": {"name": "steel", "E": 2.1e11, "nu": 0.3, "rho": 7850.0},
         "points": points,
         "members": [
-            {"name": "P", "end1": [0.0, 0.0, 0.0], "end2": [0.0, 0.0, 0.5], "section": TUBE | {"h_direction": [1, 0, 0]}},
-            {"name": "A", "end1": [0.0, 0.0, 0.5], "end2": [0.3, 0.0, 0.5], "section": TUBE},
+            {"name": "P", "end1": FOOT_AT, "end2": HEAD, "section": TUBE | {"h_direction": [1, 0, 0]}},
+            {"name": "A", "end1": HEAD, "end2": [0.3, 0.0, 0.5], "section": TUBE},
         ],
         "joints": [
             {
                 "name": "F", "type": "elastic, 6 uncoupled springs in global directions, loss factor 0.01",
-                "member1": "P", "s1": 0.0, "member2": "ground", "s2": 0.0, "location": [0.0, 0.0, 0.0], "k": STIFF,
+                "member1": "P", "s1": 0.0, "member2": "ground", "s2": 0.0, "location": FOOT_AT, "k": STIFF,
             }
         ],
         "supports": "free-free",
@@ -127,10 +131,6 @@ def test_a_case_has_its_modes_and_no_name_of_its_structure(cases):
 
 def test_files_are_as_their_schemas_say(cases, tmp_path):
     jsonschema = pytest.importorskip("jsonschema")
-    from pathlib import Path
-
-    import benchmarks.open_test as package
-
     here = Path(package.__file__).parent
     for name, file in (
         ("case", cases / "case-001" / "structure.json"),
@@ -224,8 +224,6 @@ def test_words_of_the_program_become_those_of_the_test(cases, name, values, effe
 
 
 def test_truth_that_was_changed_after_it_was_sealed_is_noticed(cases, tmp_path, capsys):
-    import shutil
-
     folder, kept = tmp_path / "set", tmp_path / "kept"
     shutil.copytree(cases, folder)
     assert main(["seal", str(folder), str(kept)]) == 0
@@ -241,8 +239,6 @@ def test_truth_that_was_changed_after_it_was_sealed_is_noticed(cases, tmp_path, 
 
 def test_a_folder_without_cases_is_said(tmp_path):
     with pytest.raises(CaseError, match="there is no folder"):
-        from benchmarks.open_test.sets import cases_of
-
         cases_of(tmp_path)
 
 

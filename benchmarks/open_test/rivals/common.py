@@ -1,7 +1,7 @@
 """What rivals share: the case, a reduced model of it, and candidates with their matrices.
 
-They use packages below the facade as a library, by public names alone. The model has springs instead of clamps,
-so that a support can give way without a change of coordinates.
+They use the packages as a library, by public names alone. The model has springs instead of clamps, so that a
+support can give way without a change of coordinates.
 """
 
 import tempfile
@@ -263,8 +263,8 @@ def slopes_of(reduced, options):
 class Updating:
     """Least squares on measured modes: sizes of options vary, and what is uncertain within its tolerance.
 
-    Frequencies count as logarithms, and shapes scaled to the measured ones; slopes of shapes by Fox and Kapoor
-    (AIAA J. 6, 1968). Changes are of sizes, or of logarithms of stiffnesses that are there already.
+    Frequencies count as logarithms, and shapes scaled to the measured ones; slopes of shapes by Fox and
+    Kapoor (AIAA J. 6, 1968). Changes are of sizes, or of logarithms of stiffnesses that are there already.
     """
 
     case: Case
@@ -289,7 +289,7 @@ class Updating:
         ]
 
     def linearised(self, changes, columns=slice(None)):
-        """Return residuals (n,) and slopes with some changes (n, n_columns) in standard deviations of the data."""
+        """Return residuals (n,) and slopes with some changes (n, n_columns), in standard deviations."""
         reduced, (f, _, phi) = self.case.reduced, self.case.modes
         frequency, shapes, vectors = reduced.solve_modes(self.matrices(changes), len(reduced.base[0]))
         partner, mac = paired(frequency, shapes, f, phi.real)

@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.open_test.rivals.common import Updating, paired, slopes_of
 
 SOURCE = (
-    "Ladeveze, Nedjar and Reynier, AIAA J. 32, 1994, 1485; Banerjee, Walsh, Aquino and Bonnet, Comput. Methods "
-    "Appl. Mech. Eng. 253, 2013 (discrete form with the measurement as a penalty)"
+    "Ladevèze, Nedjar and Reynier, AIAA J. 32, 1994, 1485; Banerjee, Walsh, Aquino and Bonnet, Comput. "
+    "Methods Appl. Mech. Eng. 253, 2013 (the measurement as a penalty)"
 )
 MEMBERS = {"member_stiffness"}
 CONNECTIONS = {"joint_stiffness", "support_flexibility"}
@@ -25,7 +25,7 @@ def differences(case):
     """Return u - v and u of each measured mode, on the reduced basis (n_modes, n)."""
     reduced, (f, _, phi) = case.reduced, case.modes
     K, M = reduced.base[:2]
-    frequency, shapes, vectors = reduced.solve_modes(reduced.base, len(K))
+    frequency, shapes, _ = reduced.solve_modes(reduced.base, len(K))
     partner, mac = paired(frequency, shapes, f, phi.real)
     off, full = [], []
     for k, j in enumerate(partner):

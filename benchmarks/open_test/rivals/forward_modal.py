@@ -8,8 +8,8 @@ import numpy as np
 from benchmarks.open_test.rivals.common import Updating, paired
 
 SOURCE = (
-    "Lieven and Ewins, IMAC 1988 (COMAC); Lallement and Piranda, IMAC 1990 (forward selection of parameters by "
-    "their residual); Friswell, Penny and Garvey, Comput. Struct. 69, 1998 (subsets of parameters)"
+    "Lieven and Ewins, IMAC 1988 (COMAC); Lallement and Piranda, IMAC 1990 (forward selection); Friswell, "
+    "Penny and Garvey, Inverse Probl. Eng. 5, 1997 (selection of subsets)"
 )
 KINDS = {
     "member_stiffness", "member_density", "joint_stiffness", "support_flexibility", "point_mass",

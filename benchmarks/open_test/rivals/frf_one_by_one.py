@@ -1,7 +1,7 @@
 """Updating to FRFs with each candidate alone, and the best one by BIC: what a careful engineer would script.
 
-E, density, joint stiffnesses within their tolerances and damping vary in all fits. With the best candidate kept,
-all are tried once more beside it.
+E, density, joint stiffnesses within their tolerances and damping vary in all fits. With the best candidate
+kept, all are tried once more beside it.
 """
 
 import numpy as np
