@@ -1,0 +1,154 @@
+"""The open test of missing physics: python -m benchmarks.open_test take|solve|check|judge|seal|reveal …"""
+
+import argparse
+import importlib
+import json
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import dovetail
+from benchmarks.open_test import judge as judging
+from benchmarks.open_test.answer import Answer, not_ended, read_answer
+from benchmarks.open_test.case import CaseError, read_structure
+from benchmarks.open_test.rivals import NAMES
+from benchmarks.open_test.sets import TRUTH, cases_of, reveal, seal, take
+
+LIMIT = 300
+"""CPU seconds that a program has for a case."""
+GRACE = 20
+"""CPU seconds after which a rival that does not watch its time is ended."""
+
+
+def answered(name, case, limit):
+    """Return the answer of a rival to the case in a folder."""
+    from benchmarks.open_test.rivals.common import Case
+
+    rival, structure = importlib.import_module(f"benchmarks.open_test.rivals.{name}"), read_structure(case)
+    begun = time.process_time()
+    said = rival.solve(Case(Path(case), limit))
+    seconds = round(time.process_time() - begun, 1)
+    version = f"dovetail {dovetail.__version__}" if hasattr(dovetail, "__version__") else ""
+    return Answer(structure.name, name, version, seconds, said.explanations, said.unexplained)
+
+
+def solve_all(name, cases, out, limit):
+    """Answer all cases of a folder, each in a process of its own; go on after a run that was stopped."""
+    for case in cases_of(cases):
+        file = out / name / f"{case}.json"
+        if file.exists():
+            continue
+        file.parent.mkdir(parents=True, exist_ok=True)
+        command = [sys.executable, "-m", "benchmarks.open_test", "one", name, str(cases / case), str(file)]
+        begun = resource.getrusage(resource.RUSAGE_CHILDREN)
+        ended = subprocess.run([*command, "--limit", str(limit)], check=False).returncode
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        seconds = used.ru_utime + used.ru_stime - begun.ru_utime - begun.ru_stime
+        if not file.exists():
+            if ended != -signal.SIGXCPU and ended != -signal.SIGKILL:
+                sys.stderr.write(f"{name} {case}: ended with {ended}\n")
+            _write(file, not_ended(case, name, "", round(seconds, 1)))
+        sys.stderr.write(f"{name} {case}: {seconds:.0f} CPU s\n")
+
+
+def _write(file, answer):
+    text = json.dumps(answer.as_dict(), indent=1, ensure_ascii=False)
+    part = file.with_suffix(".part")
+    part.write_text(text, encoding="utf-8")
+    part.rename(file)
+
+
+def judged(cases, folders, truths, oracle):
+    """Return what answers are worth, by program."""
+    by_program = {}
+    for folder in folders:
+        for case in sorted(truths):
+            structure = read_structure(cases / case)
+            file = folder / f"{case}.json"
+            answer = read_answer(file, structure) if file.exists() else not_ended(case, folder.name, "", 0.0)
+            one = judging.judge(answer, truths[case], structure, oracle.get(case))
+            by_program.setdefault(folder.name, []).append(one)
+    return by_program
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.open_test", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    p = commands.add_parser("take", help="make cases of the test of generated ones")
+    p.add_argument("generated", type=Path, help="folder of benchmarks.independent.foreign")
+    p.add_argument("out", type=Path)
+    p.add_argument("--first", type=int, default=1, help="number of the first case")
+    p = commands.add_parser("solve", help="answer all cases of a folder with a program that is here")
+    p.add_argument("name", choices=NAMES)
+    p.add_argument("cases", type=Path)
+    p.add_argument("answers", type=Path)
+    p.add_argument("--limit", type=int, default=LIMIT, help="CPU seconds a case (default: %(default)s)")
+    p = commands.add_parser("one", help="answer one case in this process")
+    p.add_argument("name", choices=NAMES)
+    p.add_argument("case", type=Path)
+    p.add_argument("file", type=Path)
+    p.add_argument("--limit", type=int, default=LIMIT)
+    p = commands.add_parser("check", help="say whether an answer can be read")
+    p.add_argument("case", type=Path)
+    p.add_argument("file", type=Path)
+    p = commands.add_parser("judge", help="set answers against the truth")
+    p.add_argument("cases", type=Path)
+    p.add_argument("answers", type=Path, nargs="+", help="a folder for each program, which it is named by")
+    p.add_argument("--oracle", type=Path, help="JSON file: nats of the truth by case")
+    p.add_argument("--page", type=Path, help="Markdown file for the tables; its picture stands beside it")
+    for name, says in (
+        ("seal", "move the truth away and leave seals"),
+        ("reveal", "bring sealed truth back"),
+    ):
+        p = commands.add_parser(name, help=says)
+        p.add_argument("cases", type=Path)
+        p.add_argument("kept", type=Path, help="the keeper's folder, with truth and salt")
+    options = parser.parse_args(argv)
+    try:
+        return _run(options)
+    except CaseError as reason:
+        sys.stderr.write(f"{reason}\n")
+        return 2
+
+
+def _run(options):
+    match options.command:
+        case "take":
+            told = take(options.generated, options.out, options.first)
+            sys.stdout.write(f"{len(told)} cases in {options.out}\n")
+        case "solve":
+            solve_all(options.name, options.cases, options.answers, options.limit)
+        case "one":
+            most = resource.getrlimit(resource.RLIMIT_CPU)[1]
+            resource.setrlimit(resource.RLIMIT_CPU, (options.limit + GRACE, most))
+            _write(options.file, answered(options.name, options.case, options.limit))
+        case "check":
+            answer = read_answer(options.file, read_structure(options.case))
+            sys.stdout.write(
+                f"{len(answer.explanations)} explanations, {100 * answer.unknown:.3g} % not stated\n"
+            )
+        case "judge":
+            truths = json.loads((options.cases / TRUTH).read_text(encoding="utf-8"))
+            oracle = json.loads(options.oracle.read_text(encoding="utf-8")) if options.oracle else {}
+            by_program = judged(options.cases, options.answers, truths, oracle)
+            text = judging.report(by_program)
+            sys.stdout.write(text)
+            if options.page:
+                picture = options.page.with_suffix(".png")
+                judging.draw(by_program, picture)
+                options.page.write_text(
+                    f"{text}\n![Log scores and outcomes]({picture.name})\n", encoding="utf-8"
+                )
+        case "seal":
+            sys.stdout.write(f"{len(seal(options.cases, options.kept))} truths are sealed\n")
+        case "reveal":
+            reveal(options.cases, options.kept)
+            sys.stdout.write("every truth is what was sealed\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

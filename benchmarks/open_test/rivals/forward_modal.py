@@ -1,0 +1,70 @@
+"""Forward selection in the modal domain: the candidate that improves frequencies and MAC most, then the next.
+
+Candidates at members next to the sensors of the lowest COMAC come first. As many as BIC asks for are named.
+"""
+
+import numpy as np
+
+from benchmarks.open_test.rivals.common import Updating, paired
+
+SOURCE = (
+    "Lieven and Ewins, IMAC 1988 (COMAC); Lallement and Piranda, IMAC 1990 (forward selection); Friswell, "
+    "Penny and Garvey, Inverse Probl. Eng. 5, 1997 (selection of subsets)"
+)
+KINDS = {
+    "member_stiffness", "member_density", "joint_stiffness", "support_flexibility", "point_mass",
+    "stiffness_loss", "ground_spring",
+}  # fmt: skip
+MOST = 3
+
+
+def comac(case):
+    """Return the COMAC of each sensor, paired by MAC (n_sensors,)."""
+    reduced, (f, _, phi) = case.reduced, case.modes
+    frequency, shapes, _ = reduced.solve_modes(reduced.base, len(reduced.base[0]))
+    partner, _ = paired(frequency, shapes, f, phi.real)
+    a, b = shapes[:, partner], phi.real
+    a, b = a / np.linalg.norm(a, axis=0), b / np.linalg.norm(b, axis=0)
+    return np.sum(np.abs(a * b), axis=1) ** 2 / (np.sum(a**2, axis=1) * np.sum(b**2, axis=1))
+
+
+def solve(case):
+    """Return what forward selection finds, with BIC's weights for each number of effects."""
+    poor = np.argsort(comac(case))
+    members = [case.structure.told["sensors"][i]["member"] for i in poor]
+    order = {m: k for k, m in reversed(list(enumerate(members)))}
+    options = sorted(
+        case.options(KINDS), key=lambda o: order.get(getattr(o.effect, "member", None), len(members))
+    )
+    model, chosen, found = Updating(case, options), [], {}
+    told, weight = model.hypothesis([])
+    found[told] = weight
+    for _ in range(MOST):
+        tried = {}
+        for k in _promising(model, chosen):
+            if case.left < 20:
+                break
+            tried[k] = model.hypothesis([*chosen, k])
+        if not tried:
+            break
+        found |= dict(tried.values())
+        best = max(tried, key=lambda k: tried[k][1])
+        if tried[best][1] < weight:
+            break
+        weight, chosen = tried[best][1], [*chosen, best]
+    return case.said(found, None)
+
+
+def _promising(model, chosen, most=40):
+    """Return the candidates whose slope explains most of what is left, beside what is chosen already."""
+    changes = np.zeros(model.n + model.n_common)
+    if chosen:
+        x = model.fit(lambda A, b: np.linalg.lstsq(A, b, rcond=None)[0], chosen)[0]
+        changes[: model.n] = x
+    r, S = model.linearised(changes)
+    usual = np.column_stack([S[:, model.n :], S[:, chosen]])
+    whole = np.linalg.inv(np.eye(len(r)) + usual @ usual.T)
+    own = S[:, : model.n]
+    gain = (own.T @ whole @ r) ** 2 / np.maximum(np.einsum("ik,ij,jk->k", own, whole, own), 1e-12)
+    gain[list(chosen)] = -1.0
+    return [int(k) for k in np.argsort(-gain)[:most] if gain[k] > 0]
