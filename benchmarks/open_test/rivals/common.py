@@ -321,6 +321,7 @@ class Updating:
         chosen = np.arange(self.n) if chosen is None else np.asarray(chosen, dtype=int)
         total = np.zeros(self.n + self.n_common)
         columns = np.append(chosen, np.arange(self.n, len(total)))
+        A = y = x = np.zeros(0)
         for _ in range(steps):
             r, S = self.linearised(total, columns)
             own, usual = S[:, : len(chosen)], S[:, len(chosen) :]
@@ -334,7 +335,7 @@ class Updating:
             new[self.n :] = usual.T @ inner
             total = np.clip(total + np.clip(new - total, -1.0, 1.0), *self.bounds)
         covariance = np.linalg.pinv(A.T @ A)
-        return total[: self.n], covariance, float(np.sum((y - A @ x) ** 2)), len(r)
+        return total[: self.n], covariance, float(np.sum((y - A @ x) ** 2)), len(y)
 
     def value(self, k, change):
         """Return the size of an option after a change."""

@@ -20,7 +20,7 @@ LEAST, LARGEST = 1e-8, 1.0
 
 def relevance(A, b, noise=1.0):
     """Return the mean and the variances of the priors of sparse x in A x = b + noise (Tipping 2001)."""
-    variance = np.full(A.shape[1], 0.1)
+    variance, mean = np.full(A.shape[1], 0.1), np.zeros(A.shape[1])
     for _ in range(ITERATIONS):
         AV = A * variance
         whole = noise * np.eye(len(b)) + AV @ A.T
