@@ -122,9 +122,13 @@ def _run(options):
         case "solve":
             solve_all(options.name, options.cases, options.answers, options.limit)
         case "one":
-            most = resource.getrlimit(resource.RLIMIT_CPU)[1]
-            resource.setrlimit(resource.RLIMIT_CPU, (options.limit + GRACE, most))
-            _write(options.file, answered(options.name, options.case, options.limit))
+            before = resource.getrlimit(resource.RLIMIT_CPU)
+            most = int(time.process_time()) + options.limit + GRACE
+            resource.setrlimit(resource.RLIMIT_CPU, (most, before[1]))
+            try:
+                _write(options.file, answered(options.name, options.case, options.limit))
+            finally:
+                resource.setrlimit(resource.RLIMIT_CPU, before)
         case "check":
             answer = read_answer(options.file, read_structure(options.case))
             sys.stdout.write(
