@@ -402,10 +402,6 @@ class Effect(ABC):
         """Return points to mark in a picture, shape (n, 3) [m]."""
         return np.empty((0, 3))
 
-    def global_axis(self, model: "Model") -> NDArray[np.float64] | None:
-        """Return the unit vector (3,) of a direction stated in a member's axes; None of others."""
-        return None
-
     def added_to(self, model: "Model") -> "Model":
         """Return a model with it; an effect that stands for values of others changes these, too."""
         return model.with_effect(self)

@@ -206,8 +206,8 @@ def spot_text(effect: Effect, model: Model) -> str:
     named = name and near[name] <= 1e-6 * float(np.ptp(mesh.points, axis=0).max())
     at = ", ".join(f"{x:.4g}" for x in np.round(place, 6) + 0.0).replace("-", "−")
     text = f"at {name}, ({at}) m" if named else f"at ({at}) m"
-    axis = effect.global_axis(model)
-    return text if axis is None else f"{text}, about global {axis_text(axis).lstrip('+−')}"
+    axis = getattr(effect, "global_axis", None)  # others state global directions
+    return text if axis is None else f"{text}, about global {axis_text(axis(model)).lstrip('+−')}"
 
 
 def added_text(effect: Effect, fit: FitResult | None) -> str:

@@ -58,7 +58,7 @@ def terms_in_series(
     model = reduced.with_values(model, values)
     out = []
     for each in effects:
-        parts, wider = list(model.parts_of(each)), model.with_effect(each)
+        parts, wider = list(model.parts_of(each)), _with(each, model)
         for now in (model.effect(e.name) for e in soft):
             parts += [*wider.parts_of(now), *(negative(c) for c in model.parts_of(now))]
         out.append(replace(reduced.project(parts), connection=effect.connection))
@@ -67,10 +67,14 @@ def terms_in_series(
 
 def _alters(effect: Effect, soft: Effect, model: Model) -> bool:
     """Whether an effect changes what another one does."""
-    if not soft.gives_way or effect is soft or (soft.is_form and not effect.is_form):
+    if not soft.gives_way or effect.name == soft.name or (soft.is_form and not effect.is_form):
         return False  # stretches inside of connections follow the form of sections alone
-    both = model if any(e is effect for e in model.effects) else model.with_effect(effect)
-    return any(name == effect.name for name, _ in soft.refers_to(both))
+    return any(name == effect.name for name, _ in soft.refers_to(_with(effect, model)))
+
+
+def _with(effect: Effect, model: Model) -> Model:
+    """Return a model that has an effect, at its own value if it has it already."""
+    return model if any(e.name == effect.name for e in model.effects) else model.with_effect(effect)
 
 
 def negative(c: Contribution) -> Contribution:

@@ -25,7 +25,7 @@ def share_of_one_more(model):
 
 def test_single_effects_have_the_stated_probability_together(tmp_path):
     _, usual = share_of_one_more(read(tmp_path, ""))
-    assert usual.sum() == pytest.approx(0.1)
+    assert usual.sum() == pytest.approx(1.0)
     _, stated = share_of_one_more(read(tmp_path, "[candidates]\nmissing = 0.75\n"))
     assert stated.sum() == pytest.approx(3.0)
 
@@ -45,7 +45,7 @@ def test_kinds_with_a_weight_take_from_others_at_their_place(tmp_path):
     model = read(tmp_path, "[candidates.weights]\npoint_mass = 4\n")
     assert model.belief == PriorBelief(None, {"point_mass": 4.0})
     candidates, share = share_of_one_more(model)
-    assert share.sum() == pytest.approx(0.1)
+    assert share.sum() == pytest.approx(1.0)
     by_kind = {e.kind: p for e, p in zip(candidates, share, strict=True)}
     assert by_kind["point_mass"] == pytest.approx(4 * by_kind["member_density"])
 

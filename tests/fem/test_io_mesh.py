@@ -413,7 +413,7 @@ def test_without_h5py_the_package_is_named(tmp_path, monkeypatch, suffix):
     grid = f'<Grid Name="Grid"><Geometry GeometryType="XYZ">{item}</Geometry></Grid>'
     write(tmp_path / f"a{suffix}", f'<Xdmf Version="3.0"><Domain>{grid}</Domain></Xdmf>')
     with pytest.raises(
-        MeshError, match=rf"a{suffix}: .*it needs the package h5py: pip install h5py, or write"
+        MeshError, match=rf"a{suffix}: .*it needs the package h5py: python -m pip install h5py, or write"
     ):
         read_mesh(tmp_path / f"a{suffix}")
 

@@ -188,7 +188,7 @@ def test_what_depends_on_amplitude_is_found_from_two_force_levels(kind, every):
     for p in finding.parameters:
         # The third harmonic moves the joint too, and changes its first by a few per cent.
         assert abs(p.value - values[p.name]) < 3 * p.std + 0.05 * values[p.name]
-    assert "over the 2 force levels" in found.reason
+    assert "2 force levels were fitted together" in found.reason
     assert found.frf(-1).H.shape == rig.measurements[0].frf.H.shape
     spread, expected = found.deviation(-1), spread_by_differences(found)
     assert spread is not None
