@@ -29,11 +29,11 @@ CALIBRATED = 0, 4, 8, 12, 16
 MASS, SURE, NEAR = 0.0217, 0.9, 0.02
 """The masses [kg]; the probability from which a wrong answer is a sure one; distance between places [m]."""
 FORMS = {
+    "one-to-ten": "[candidates]\nmissing = 0.09\n",
+    "thickness-one-to-ten": "[form]\nsize = 1e-5\n[candidates]\nmissing = 0.09\n",
     "default": "",
     "thickness": "[form]\nsize = 1e-5\n",
-    "half": "[candidates]\nmissing = 0.5\n",
     "most": "[candidates]\nmissing = 0.8\n",
-    "thickness-half": "[form]\nsize = 1e-5\n[candidates]\nmissing = 0.5\n",
 }
 STUDY = """
 [points]

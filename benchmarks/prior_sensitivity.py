@@ -29,6 +29,7 @@ PLAIN = (
     "DATA_PER_MODE",
     "FORM_DAMPING",
     "FORM_MODES",
+    "MISSING",
     "EFFECT_ODDS",
     "UNKNOWN_ODDS",
     "DISCREPANCY_MAX",

@@ -197,6 +197,8 @@ def spot_text(effect: Effect, model: Model) -> str:
 
     Such as ``at node 6, (1.2, 0.35, 0) m, about global x``.
     """
+    from fem.effects.giving_way import turning_axis  # what needs no report loads no kinds of effects
+
     points, mesh = effect.locations(model), model.mesh
     if len(points) != 1:
         return ""
@@ -206,8 +208,8 @@ def spot_text(effect: Effect, model: Model) -> str:
     named = name and near[name] <= 1e-6 * float(np.ptp(mesh.points, axis=0).max())
     at = ", ".join(f"{x:.4g}" for x in np.round(place, 6) + 0.0).replace("-", "−")
     text = f"at {name}, ({at}) m" if named else f"at ({at}) m"
-    axis = getattr(effect, "global_axis", None)  # others state global directions
-    return text if axis is None else f"{text}, about global {axis_text(axis(model)).lstrip('+−')}"
+    axis = turning_axis(effect, model)
+    return text if axis is None else f"{text}, about global {axis_text(axis).lstrip('+−')}"
 
 
 def added_text(effect: Effect, fit: FitResult | None) -> str:

@@ -52,11 +52,6 @@ class GivesWay(OnMember):
         """Return the line of the mesh that gives way."""
         return model.mesh.locate(self.member, float(np.real(self.place(model)))).line
 
-    def global_axis(self, model: Model) -> NDArray[np.float64]:
-        """Return the axis about which it turns."""
-        axes = frame_of(model).rotations(model.mesh, [self.line(model)])[0]
-        return axes[DIRECTIONS.index(self.direction) - 3]
-
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the stiffness that one element loses, and its mass that follows the kink.
 
@@ -136,3 +131,11 @@ def cut_parameters(model: Model, member: str) -> tuple[ParameterRef, ...]:
     """Return the parameters of all that gives way in a member."""
     every = (e for e in model.effects if isinstance(e, GivesWay) and e.member == member)
     return tuple(ref for e in every for ref in (*parameters_of(e), *e.refers_to(model)))
+
+
+def turning_axis(effect: Effect, model: Model) -> NDArray[np.float64] | None:
+    """Return the global unit vector (3,) about which a member gives way; None of other effects."""
+    if not isinstance(effect, GivesWay):
+        return None
+    axes = frame_of(model).rotations(model.mesh, [effect.line(model)])[0]
+    return axes[DIRECTIONS.index(effect.direction) - 3]

@@ -11,15 +11,13 @@ from fem.declarations import Site
 from fem.effects.places import reaches, sheared_frame
 from fem.effects.section_form import CHANGES, SectionForm
 from fem.effects.with_frame import WithFrame
-from fem.elements.stretches import Stretches
+from fem.elements.stretches import STEP, Stretches
 from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
-from fem.recent import Recent
+from fem.recent import Unsent
 from fem.tabulated import TabulatedEffect
 
 KEYS = tuple(key for key in CHANGES if key != "A")
 """Changes of sections that stiffness follows."""
-STEP = 1e-30
-"""Step of derivatives, imaginary."""
 _MESHES = 4
 """Number of frames and meshes, and of models, whose tables an effect keeps."""
 ITERATIONS = 6
@@ -38,7 +36,7 @@ class OnStretches(WithFrame):
         In words.
     around : str
         Name of the joint or support there; empty for a corner.
-    tables, stretches : Recent
+    tables, stretches : Unsent
         Tables of its matrices and the flexibility of its stretches, by frame and mesh; effects with other
         values share them.
     """
@@ -47,8 +45,8 @@ class OnStretches(WithFrame):
     zones: tuple[tuple[str, float, float, int], ...]
     place: str
     around: str = ""
-    tables: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
-    stretches: Recent = field(default_factory=lambda: Recent(_MESHES), repr=False)
+    tables: Unsent = field(default_factory=lambda: Unsent(_MESHES), repr=False)
+    stretches: Unsent = field(default_factory=lambda: Unsent(_MESHES), repr=False)
 
     @property
     def where(self) -> Site:

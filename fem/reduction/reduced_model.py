@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.basis import Basis, reduced_basis, without_modes
 from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
-from fem.recent import Recent
+from fem.recent import Recent, Unsent
 from fem.reduction.scaling import scaling_exponents
 from fem.reduction.sums import Sums
 from fem.reduction.terms import STEP, ReducedTerm, acting, law_parts, motions_of, real_or_slope, static_part
@@ -133,9 +133,9 @@ class ReducedModel:
     # Of effects of the model that are sums over their parameters: the fixed matrices of these.
     _summed: dict[str, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
     # Of any effects, by all their fields: projected matrices; by all but one: those for a unit of that one.
-    _units: Recent = field(default_factory=lambda: Recent(_UNITS), init=False, repr=False)
+    _units: Unsent = field(default_factory=lambda: Unsent(_UNITS), init=False, repr=False)
     # The same of those on few DOFs.
-    _local: Recent = field(default_factory=lambda: Recent(_LOCAL), init=False, repr=False)
+    _local: Unsent = field(default_factory=lambda: Unsent(_LOCAL), init=False, repr=False)
     # Of vectors on all DOFs, by keys of the caller.
     _projected: Recent = field(default_factory=lambda: Recent(_VECTORS), init=False, repr=False)
     # Of forces, by DOFs and motions.
@@ -145,7 +145,7 @@ class ReducedModel:
     # Of sets of elements, by their DOFs.
     _pairs: Recent = field(default_factory=lambda: Recent(_PAIRS), init=False, repr=False)
     # Of effects and values: models.
-    _models: Recent = field(default_factory=lambda: Recent(_MODELS), init=False, repr=False)
+    _models: Unsent = field(default_factory=lambda: Unsent(_MODELS), init=False, repr=False)
     # Effects whose responses the basis has, at their values: twice extended, it would keep what once fell
     # below the accuracy of the first time, and two ways to the same basis would differ.
     _held: frozenset[Hashable] = field(default=frozenset(), init=False, repr=False)

@@ -79,4 +79,4 @@ def test_all_candidates_together_are_as_probable_as_none():
     every = [e for e in propose(model, kinds) if len(near_to(e)) == 1]
     assert {place_of(e)[0] for e in every} == {"member", "support"}
     odds = Odds.of(every, model)
-    assert sum(np.exp(odds.prior((e,))) for e in every) == pytest.approx((1 - MISSING) / MISSING)
+    assert sum(np.exp(odds.prior((e,))) for e in every) == pytest.approx(MISSING / (1 - MISSING))

@@ -1,5 +1,6 @@
 """Forecasts of what effects would do to the data of a fit, against fits with these effects."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from updating import assessed_fit, build_problem, propose
 from updating.forecast import Forecast, Grid, Little, Look, Sizes
 from updating.inference import FULL_LINES
 from updating.inference.fitting import fit
+from updating.inference.workers import workers
 from updating.plan.planned import as_planned
 from updating.plan.visibility import amplitudes_as_solved, gain_at, least_amplitudes
 
@@ -141,6 +143,18 @@ def test_effect_that_replaces_an_uncertain_parameter_is_forecast_as_it_is_fitted
     if kind == "joint_stiffness":
         std = there.stiffness - forecast.effect_at(i, 4.0 / forecast.precision[i]).stiffness
         assert abs(std) == pytest.approx(right.std[effect.name, "stiffness"], rel=0.1)
+
+
+def test_a_problem_is_sent_to_other_processes_after_a_forecast_as_before_it():
+    """What a forecast keeps for the next one is not sent: laws of dashpots and rubber cannot be."""
+    assert workers  # its module teaches pickle read-only mappings
+    case = make_case(1, "cross", "nothing")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    before = len(pickle.dumps(problem))
+    candidates = propose(case.model, ["joint_zener", "point_mass", "joint_stiffness"])
+    assert {e.kind for e in candidates} >= {"joint_zener", "point_mass"}
+    Forecast.at(problem, problem.nominal(), candidates)
+    assert len(pickle.dumps(problem)) < 1.2 * before
 
 
 def test_letting_go_alone_counts_as_no_change(monkeypatch):

@@ -82,7 +82,7 @@ class Grid:
 
     def parameters(self, point: dict[str, float]) -> tuple[Parameter, ...]:
         """Return the parameters at a point."""
-        known = tuple(point.values())
+        known = tuple(point.items())
         if known not in self._parameters:
             self._parameters[known] = self.effect.with_values(**point).parameters()
         return self._parameters[known]

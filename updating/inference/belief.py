@@ -26,11 +26,11 @@ FORM_MODES = 0.0005, 0.008
 """Least and largest standard deviation of the relative shift of each mode's eigenvalue that frame theory
 leaves: of any order between them, as the data say [-]."""
 MISSING = 0.5
-"""Prior probability that anything is missing [-]: who asks has a reason to, and data that say little do not
-say that nothing is."""
+"""Prior probability that something is missing [-]. A user who asks has a reason; where data say little, it
+stays near one half."""
 EFFECT_ODDS = np.log(10.0)
-"""Prior odds, as a logarithm, against each change after the first: each parameter of an effect but its
-position."""
+"""Logarithm of the prior odds against each further change after the first. Each parameter of an effect counts
+as one change, but for its position."""
 UNSTATED: Mapping[Environment, float] = {
     Environment.FLUID: 0.01,
     Environment.ELASTOMER: 0.1,

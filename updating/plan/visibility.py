@@ -212,6 +212,8 @@ class Visibility:
     def at(self, rows: Ints) -> tuple[Visible, ...]:
         """Return some candidates at positions, by their numbers; all are their rivals."""
         forecast, against = self.forecast, self.against
+        if not len(rows):
+            return ()
         owner, littles, wanted = forecast.owner, forecast.littles, needed(against)
         seen = amplitudes_as_solved(forecast, wanted, self.discrepancy, self.averaged, rows)
         most = np.concatenate([little.most for little in littles])

@@ -281,7 +281,7 @@ def searched(initial: Searched[P], progress: Progress) -> Searched[P]:
     except EndEarlyError:
         for way in ways:
             way.search.end_early()
-        best, *others = sorted(ways, key=lambda way: -way.search.best.score)
+        best, *others = _most_probable_first(ways)
         best = replace(best, best=best.search.best, finished=False)
     best = replace(best, otherwise=tuple(replace(other, otherwise=()) for other in others))
     return best.answered()

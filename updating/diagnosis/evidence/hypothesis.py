@@ -79,10 +79,11 @@ class Hypothesis:
 class Odds:
     """Prior odds of effects, by how many candidates a place has, and how many places a kind of place.
 
-    Kinds of places are equally probable, so that all candidates together have the odds of one more change.
+    Kinds of places are equally probable, so that all candidates together have the odds of one change.
     ``admitted`` is the probability that the situation of the structure admits a kind, by kind, times its
     weight; a candidate of it counts as so much of one. ``beforehand`` is the logarithm of the odds of
-    everything else that is believed of the data, ``something`` that of the odds against the first change.
+    everything else that is believed of the data, ``something`` that of the odds against the first change;
+    each further one has those of ``EFFECT_ODDS``.
     """
 
     n_candidates: Mapping[str, float]

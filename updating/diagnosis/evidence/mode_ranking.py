@@ -27,7 +27,7 @@ class ModeRanking(Ranking):
     def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
         """Return places by the misfit that the slopes of all candidates there leave.
 
-        Those are left out that gain less evidence than the prior asks for one more effect.
+        Those are left out that gain less evidence than the prior asks for a further change.
         """
         look = Look.of(problem, current, None, 0, 0).with_all_readings()
         effects = [(n, acting(e)) for n, place in enumerate(places) for e in place.effects]

@@ -375,7 +375,7 @@ class Search(Generic[P]):
         if damped and looked:
             trials = self.from_afar(base, damped, looked)
             tried = self.workers.map(_ended, (self.fits, free, base), trials)
-            if self.explains(base):  # what it is bent by may be so
+            if self.explains(base):  # its form may be as far from nominal as it is fitted
                 tried += self.from_near(base, free, now, far=False)
         else:
             tried = self.from_near(base, free, now, far=far)
