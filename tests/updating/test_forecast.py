@@ -148,7 +148,7 @@ def test_effect_that_replaces_an_uncertain_parameter_is_forecast_as_it_is_fitted
 def test_a_problem_is_sent_to_other_processes_after_a_forecast_as_before_it():
     """What a forecast keeps for the next one is not sent: laws of dashpots and rubber cannot be."""
     assert workers  # its module teaches pickle read-only mappings
-    case = make_case(1, "cross", "nothing")
+    case = make_case(5)
     problem = build_problem(case.model, case.measurement, case.nuisances)
     before = len(pickle.dumps(problem))
     candidates = propose(case.model, ["joint_zener", "point_mass", "joint_stiffness"])
