@@ -38,6 +38,8 @@ REPORT, JSON, FRFS, PICTURES = "report.html", "result.json", "frf.npz", "picture
 FOUND = "found.toml"
 NAMES = (REPORT, JSON, FRFS, PICTURES, FOUND)
 """Files in the folder of a run."""
+DAMPING_RATIO = "damping ratio at"
+"""How the report calls a level of the damping, before its frequency."""
 CONNECTIONS_LEVEL = "damping of connections over that of members"
 """How the report calls how much more connections are damped."""
 CONNECTIONS_POWER = "power of the frequency in that ratio"
@@ -260,7 +262,7 @@ def uncertain_parameters(d: Verdict) -> tuple[UncertainValue, ...]:
     n = len(curve.start)
     sd = np.sqrt(np.maximum(np.diag(final.covariance), 0.0))[first : first + n]
     sd = sd if len(sd) == n else np.full(n, np.nan)
-    names = [f"damping ratio at {f:.4g} Hz" for f in curve.knots]
+    names = [f"{DAMPING_RATIO} {f:.4g} Hz" for f in curve.knots]
     if any(e.connection for e in model.effects):
         names += [CONNECTIONS_LEVEL, CONNECTIONS_POWER]
     for name, nominal, fitted, s in zip(names, curve.start, final.zeta, sd, strict=False):

@@ -566,7 +566,9 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEE
     try:
         read = config.load_study(path, needs)
     except OSError as reason:
-        raise StudyFileError(reason.errno, reason.strerror, str(reason.filename or path)) from reason
+        raise StudyFileError(
+            reason.errno, reason.strerror or str(reason), str(reason.filename or path)
+        ) from reason
     return Study(**{f.name: getattr(read, f.name) for f in fields(read)})
 
 

@@ -121,8 +121,8 @@ def share(text: str) -> float:
     """Read a share: below 1, or in per cent with the sign for it."""
     number, sign, rest = text.strip().partition("%")
     value = positive(number.strip()) / (100 if sign else 1)
-    if rest or (not sign and value >= 1):
-        hint = "" if rest else f"; if {value:g} per cent is meant, write {value:g}%"
+    if rest or value >= 1:
+        hint = "" if sign else f"; if {value:g} per cent is meant, write {value:g}%"
         msg = f"'{text}' is not allowed; a share is needed, such as 1% or 0.01{hint}"
         raise argparse.ArgumentTypeError(msg)
     return value

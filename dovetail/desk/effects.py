@@ -201,7 +201,8 @@ class EffectList:
             value = value if first else inverse(value)
             return float(f"{value:.{digits}g}") if np.isfinite(value) else None
 
-        field = ui.number(value=text_of(float(p.value), 6), suffix=unit, placeholder="rigid")
+        infinite = {"stiffness": "rigid", "compliance": "none"}.get(form.name)
+        field = ui.number(value=text_of(float(p.value), 6), suffix=unit, placeholder=infinite)
         field.props("dense outlined debounce=500" + ("" if first else f" stack-label label={called}"))
         if not first:
             field.classes("other-form")

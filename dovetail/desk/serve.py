@@ -54,7 +54,7 @@ def wait_for(port: int) -> None:
 
 
 def _tells(record: logging.LogRecord) -> bool:
-    """Return False for the complaint, at the end, that tasks took seconds to end: they did end."""
+    """Return False for the warning that tasks took seconds to end: by then they have ended."""
     return not ("cancel %s tasks" in str(record.msg) and record.getMessage().rstrip().endswith(":"))
 
 

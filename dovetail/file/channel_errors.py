@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dovetail.file.table import StudyTable, suggest
-from dovetail.file.toml import rounded
+from dovetail.file.toml import rounded_or_zero
 from updating.measurement.channel_errors import N_ERRORS, USUAL, ChannelErrors
 from updating.measurement.measurement import Measurement, Sensor, references_of
 
@@ -49,4 +49,11 @@ def channel_error_values(measurement: Measurement) -> dict[tuple[str, ...], obje
     """Return what a study file says of the errors that a fit has found, by place."""
     errors = measurement.errors
     known = {"sensors": errors.sensors, "excitations": errors.excitations}
-    return {(TABLE, key): rounded(values) for key, values in known.items() if values}
+    return {
+        (TABLE, key): {
+            name: [rounded_or_zero(v, s) for v, s in zip(each, errors.std, strict=True)]
+            for name, each in values.items()
+        }
+        for key, values in known.items()
+        if values
+    }

@@ -242,6 +242,8 @@ def _suspicion(text: str, reason: str) -> str:
     if bare is None or not reason.startswith("Invalid value"):
         return ""
     word = bare[0].strip()
+    if re.fullmatch(r"[+-]?\.\d[\d_]*(?:[eE][+-]?\d+)?", word):
+        return f"; TOML writes {word.replace('.', '0.', 1)}"
     if word.lower() in ("true", "false", "inf", "nan"):
         return f"; TOML writes {word.lower()}"
     return f'; texts stand in quotes: "{word}"'

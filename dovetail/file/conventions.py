@@ -210,7 +210,7 @@ def _turn_remedies(m: Measurement, f: Misphased, to_model: RatioToModel | None) 
     by_phase = [f"phase = {-90 * t}" for t in turns]
     if power is None:
         return turn, 0, [*of_kind, *by_phase]
-    return turn, power, by_phase if no_kind or not power else of_kind
+    return turn, power, by_phase if not power else [] if no_kind else of_kind
 
 
 def _power(frequency: np.ndarray, size: np.ndarray, turn: int) -> int | None:

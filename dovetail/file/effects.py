@@ -21,6 +21,8 @@ def read_effects(
 ) -> Model:
     """Return a model with ``[[effects]]``: each the name of a candidate for it, and values of its parameters.
 
+    The tables of ``[fitted_form]``, the form of sections and connections, have that name as theirs.
+
     A value that is not given stays the candidate's initial one. The effect is called "known" and the
     candidate's name, so that a search may propose the candidate again. Candidates after joints' patches are
     those of a model with these, the others of one without the known effects. Those that have come since the
@@ -28,19 +30,19 @@ def read_effects(
     """
     out: list[Effect] = []
     names = {e.name for e in model.effects}
-    tables = [(t, _is_change(top, t)) for t in (*_forms_in(top), *top.tables("effects"))]
-    for t, change in sorted(tables, key=lambda pair: pair[1]):
+    forms = [(t, name, f"known {name}", False) for name, t in top.table("fitted_form").named()]
+    listed = top.tables("effects")
+    named = [(t, t.text("candidate"), _name_of(t), _is_change(top, t)) for t in listed]
+    for t, name, effect_name, change in sorted([*forms, *named], key=lambda entry: entry[-1]):
         if change:
             model, out = _with_all(model, out), []
-        name = t.text("candidate")
-        with t.at("candidate"):
+        with t.at("candidate" if "candidate" in t.values else ""):
             effect = candidate_named(name, model, sensors, excitations)
         values = _values_in(t, effect)
         if isinstance(effect, AmplitudeDependent):
             effect = replace(
                 effect, amplitude=t.number("amplitude", effect.amplitude, above=0, unit="m or rad")
             )
-        effect_name = _name_of(t)
         if effect_name in names:
             t.refuse("name", f"the model has two effects '{effect_name}'; names must differ")
         names.add(effect_name)
@@ -51,12 +53,6 @@ def read_effects(
         else:
             out.append(effect)
     return _with_all(model, out)
-
-
-def _forms_in(top: StudyTable) -> list[StudyTable]:
-    """Return ``[fitted_form]``, the form of sections and connections by candidate, as tables of effects."""
-    named = top.table("fitted_form").named()
-    return [StudyTable(t.source, t.path, {"candidate": name} | t.values) for name, t in named]
 
 
 def _with_all(model: Model, effects: Sequence[Effect]) -> Model:
@@ -121,14 +117,23 @@ def _values_in(t: StudyTable, effect: Effect) -> dict[str, float]:
     return values
 
 
-def _own_value(form: Parameter, p: Parameter, value: float, others: Mapping[str, float]) -> float:
-    """Return a parameter's value from that of one of its forms, within its bounds and given once."""
+def _own_value(
+    form: Parameter, p: Parameter, value: float, others: Mapping[str, float], *, named: bool = False
+) -> float:
+    """Return a parameter's value from that of one of its forms, within its bounds and given once.
+
+    Errors name the form if ``named``; a study file names it by its place.
+    """
     if p.name in others:
         msg = f"'{form.name}' is 1/{_other_form(form, p)}, which is given too; one of them is needed"
         raise ModelError(msg)
     if not form.lower <= value <= form.upper:
         unit = "" if form.unit == "-" else f" {form.unit}"
-        msg = f"{value:g}{unit} is not between {form.lower:g} and {form.upper:g}{unit}"
+        found = f"{f'{form.name} = ' if named else ''}{value:g}{unit}"
+        if np.isinf(form.upper):
+            msg = f"{found} is not allowed; at least {form.lower:.3g}{unit} is needed"
+        else:
+            msg = f"{found} is not between {form.lower:g} and {form.upper:g}{unit}"
         raise ModelError(msg)
     return value if form is p else inverse(value)
 
@@ -186,9 +191,9 @@ def with_given_values(effect: Effect, values: Mapping[str, float]) -> Effect:
         form, p = forms[key]
         number = _finite(effect, key, value, form.upper if form is not p else np.nan)
         try:
-            own[p.name] = _own_value(form, p, number, own)
+            own[p.name] = _own_value(form, p, number, own, named=True)
         except ModelError as reason:
-            msg = f"'{effect.name}': {key} = {reason}"
+            msg = f"'{effect.name}': {reason}"
             raise ModelError(msg) from reason
     return effect.with_values(**own) if own else effect
 
@@ -208,7 +213,9 @@ def _finite(effect: Effect, key: str, value: Any, most: float = np.nan) -> float
 def _allowed(parameters: Iterable[Parameter]) -> str:
     """Return parameters with their bounds and units in words."""
     listed = [
-        f"{p.name} ({p.lower:g} to {p.upper:g}{'' if p.unit == '-' else f' {p.unit}'})" for p in parameters
+        f"{p.name} ({f'at least {p.lower:g}' if np.isinf(p.upper) else f'{p.lower:g} to {p.upper:g}'}"
+        f"{'' if p.unit == '-' else f' {p.unit}'})"
+        for p in parameters
     ]
     return f"allowed are {', '.join(listed) or 'none'}"
 

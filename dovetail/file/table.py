@@ -28,7 +28,7 @@ class StudyError(ValueError):
     """A fault of a study file; the message names file, line and key."""
 
 
-class StudyFileError(OSError, StudyError):  # OSError makes it, with errno and filename
+class StudyFileError(OSError, StudyError):  # OSError.__new__ sets errno and filename
     """A study file, or one that it names, that cannot be opened; the message is that of the command line."""
 
     def __str__(self) -> str:

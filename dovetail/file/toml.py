@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from dovetail.file.lines import Path, places_of
+from dovetail.file.table import LEAST
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 FITTED_DIGITS = 7
 """Of fitted values in a study: a relative error of 5e-7 moves a resonance by less than any test resolves."""
+ROUNDING = 1e-12
+"""Of a quantity's usual size: rounding leaves less of a zero [-]."""
 CONVERTED_DIGITS = 12
 """Of values in other units: conversions err by a few units of the sixteenth digit."""
 
@@ -56,6 +59,11 @@ def rounded(value: Any, digits: int | None = None) -> Any:
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [rounded(v, digits) for v in value]
     return float(f"{value:.{digits}g}") if isinstance(value, float | np.floating) else value
+
+
+def rounded_or_zero(value: float, size: float) -> float:
+    """Return a fitted value as :func:`rounded` does, 0 for what rounding leaves of it beside a usual size."""
+    return 0.0 if abs(value) < max(LEAST, ROUNDING * size) else rounded(value)
 
 
 def toml_key(key: str) -> str:

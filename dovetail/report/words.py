@@ -88,7 +88,7 @@ def with_unit(value: float, unit: str, std: float = math.nan, like: float | None
     decimals = 1 - math.floor(math.log10(std))
     if not -3 <= decimals <= 6:
         return f"{number(value)} ± {number(std, 2)}{after}"
-    rounded, spread = round(value, decimals), round(std, decimals)
+    rounded, spread = round(value, decimals) + 0.0, round(std, decimals)  # no "−0"
     if not rounded and value > 0 and unit[:1] == "N":  # a stiffness of 0 would be none
         return f"{number(value, 2)} ± {number(std, 2)}{after}"
     shown = max(decimals, 0)

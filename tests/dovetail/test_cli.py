@@ -31,6 +31,8 @@ COMMANDS = ("new", "check", "modes", "frf", "report", "identify-joint")
         ("file = mesh/frame.msh", 'texts stand in quotes: "mesh/frame.msh"'),
         ("directions = [x, y]", 'texts stand in quotes: "x"'),
         ("coupled = True", "TOML writes true"),
+        ("E = .5", "TOML writes 0.5"),
+        ("E = -.5e9 # Pa", "TOML writes -0.5e9"),
         ('material = "steel', "a text needs its closing quote"),
     ],
 )
@@ -44,7 +46,7 @@ def test_a_share_is_a_number_below_one_or_in_per_cent(text, value):
     assert share(text) == pytest.approx(value)
 
 
-@pytest.mark.parametrize("text", ["1", "5", "-1%", "1%%", "much"])
+@pytest.mark.parametrize("text", ["1", "5", "-1%", "1%%", "much", "500%", "100%"])
 def test_a_share_that_could_be_per_cent_is_refused(text):
     with pytest.raises(argparse.ArgumentTypeError, match=r"such as 1% or 0\.01|a positive number"):
         share(text)

@@ -179,6 +179,15 @@ def test_phase_and_slope_tell_the_power_of_frequency_whatever_the_gain(load, com
         load(gain * receptance, kind="accelerance")
 
 
+def test_a_force_off_by_a_power_of_frequency_has_no_remedy_in_the_study(load, computed):
+    """A phase would leave the factor ω in its FRFs."""
+    second = '\n[[excitations]]\nname = "other"\npoint = "tip"\ndirection = "x"\n'
+    text = STUDY.replace("\n[frequency]", f"{second}\n[frequency]")
+    H = np.concatenate([computed.H, 1j * computed.omega[:, None, None] * computed.H], axis=2)
+    with pytest.raises(StudyError, match=r"iω times the accelerance.*divide its values by that factor"):
+        load(H, text=text, inputs=("top", "other"))
+
+
 def test_a_force_against_its_sensor_is_a_warning(load, computed):
     (text,) = load(-computed.H).warnings
     assert "gives power to the force at top" in text

@@ -449,7 +449,8 @@ def test_the_report_describes_the_search_where_one_was_made(found, album):
         (0.0, "kg", 0.0, "0.00\u00a0kg"),
         (4830.0, "N", 1234.0, "4.8 ± 1.2\u00a0kN"),
         (0.494, "N·m/rad", 51.0, "0.49 ± 51\u00a0N·m/rad"),
-        (-0.0004, "-", 0.012, "−0.000 ± 0.012"),
+        (-0.0004, "-", 0.012, "0.000 ± 0.012"),
+        (-0.3, "%", 48.0, "0 ± 48\u00a0%"),
     ],
 )
 def test_numbers_are_as_long_as_they_are_known(value, unit, std, shown):
@@ -615,6 +616,32 @@ def test_uncertain_parameters_that_did_not_move_are_folded(found):
     _, table = uncertain.page(both, None).blocks
     assert table.n_shown == 6
     assert [row[0] for row in table.rows[:6]] == [u.words for u in far[:6]]
+
+
+def test_what_an_effect_replaced_has_not_moved(found):
+    first, second, *others = (replace(u, fitted=u.nominal, at_bound=False) for u in found.uncertain)
+    gone, far = replace(first, fitted=np.nan), replace(second, fitted=second.nominal + 2 * second.std)
+    text, table = uncertain.page(replace(found, uncertain=(gone, *others, far)), None).blocks
+    assert f"The first 1 of {len(found.uncertain)} moved" in str(text)
+    assert [row[0] for row in table.rows[:2]] == [far.words, gone.words]
+
+
+@pytest.mark.parametrize(
+    ("name", "nominal", "shown"),
+    [
+        ("joint_fractional:J.exponent", 0.4, "0.4"),
+        ("corner:a.rigid_zone_factor", 0.4, "0.4"),
+        ("J.eta", 0.02, "2"),
+        ("frame.change", 0.0, "0"),
+        ("damping ratio at 12.5 Hz", 0.01, "1"),
+    ],
+)
+def test_only_damping_and_changes_are_in_percent(found, name, nominal, shown):
+    one = replace(found.uncertain[0], name=name, unit="-", nominal=nominal, fitted=nominal, form_of="")
+    _, table = uncertain.page(replace(found, uncertain=(one,)), None).blocks
+    number, _, unit = table.rows[0][1].partition("\u00a0")
+    assert float(number) == float(shown)
+    assert (unit == "%") == (float(shown) != nominal or not nominal)
 
 
 def test_modes_in_the_frfs_stand_beside_the_models_where_none_were_given(found, album):

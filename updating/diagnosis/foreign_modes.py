@@ -1,5 +1,6 @@
 """Resonances in measured FRFs that no mode of a model has, such as those of a fixture."""
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,6 +43,7 @@ def foreign_modes(problem: FitProblem, modes: Modes) -> tuple[ForeignMode, ...]:
 
     Modes that are identified in the FRFs, corrected for faults, are paired with the model's by shape and
     frequency. Two within each other's half-power width are one resonance. Those in a held-out band are known.
+    Empty where the FRFs lack phase or the poles of the structure, as those over a reference sensor do.
 
     Parameters
     ----------
@@ -53,10 +55,10 @@ def foreign_modes(problem: FitProblem, modes: Modes) -> tuple[ForeignMode, ...]:
     channels, H = m.sensors, frf.H
     if len(m.excitations) > len(channels):  # by reciprocity, forces are responses to one at the sensor
         channels, H = m.excitations, frf.H.transpose(0, 2, 1)
-    if len(channels) < 2:
+    if len(channels) < 2 or not m.has_structure_poles or not frf.has_phase:
         return ()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # shapes of any scale do
+        warnings.simplefilter("ignore")  # unscaled shapes suffice
         try:
             found = identify_modes(frf.frequency, H, kind=frf.kind).modes
         except IdentificationError:
@@ -74,7 +76,8 @@ def foreign_modes(problem: FitProblem, modes: Modes) -> tuple[ForeignMode, ...]:
         known = any(abs(f - found.frequency[i]) <= max(width[k], width[i]) for i in paired)
         if known or any(low <= f <= high for low, high in m.held_out):
             continue
-        low, high = f - HALF_POWER_WIDTHS * width[k], f + HALF_POWER_WIDTHS * width[k]
+        low = max(f - HALF_POWER_WIDTHS * width[k], frf.frequency[0])
+        high = f + HALF_POWER_WIDTHS * width[k]
         if out and low <= out[-1].high:
             low, high, f = out[-1].low, max(high, out[-1].high), out.pop().frequency
         out.append(ForeignMode(f, float(low), float(high)))
@@ -83,9 +86,16 @@ def foreign_modes(problem: FitProblem, modes: Modes) -> tuple[ForeignMode, ...]:
 
 def note_of(modes: Sequence[ForeignMode]) -> str:
     """Return a sentence on resonances that no mode of a model has, and how to leave them out."""
-    where = ", ".join(f"{m.frequency:.0f}" for m in modes)
-    bands = ", ".join(f'"{band_text((round(m.low, 1), round(m.high, 1)))}"' for m in modes)
+    where = ", ".join(f"{_rounded(m.frequency, m.frequency / 10):.10g}" for m in modes)
+    bands = ", ".join(
+        f'"{band_text((_rounded(m.low, m.high - m.low), _rounded(m.high, m.high - m.low)))}"' for m in modes
+    )
     return (
         f"{where} Hz: no mode of the model; is it the fixture? [fit] held_out = [{bands}] leaves "
         f"{'it' if len(modes) == 1 else 'them'} out"
     )
+
+
+def _rounded(value: float, step: float) -> float:
+    """Return a value to two significant digits of a step, whole numbers from a step of 10 on."""
+    return round(value, max(0, 1 - math.floor(math.log10(step))))

@@ -19,7 +19,6 @@ from dovetail.report.sections.how_sure import best_of
 from dovetail.report.shown import TURN, Shown, choice
 from dovetail.result import RunResult, by_any, by_frfs
 from fem.model import inverse
-from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED, UNFINISHED
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.separation import Proposal
@@ -152,8 +151,7 @@ def _nothing_found(result: RunResult[Verdict], shown: Shown) -> list[Block]:
     best, looked_at = best_of(d.rounds), len(d.candidates)
     gained = (
         f" The best, {words.ranked_label(best)} ({words.parameters_text(best.parameters)}), lowers the "
-        f"residual level from {d.steps[-1].level * DB_PER_NEPER:.2f} to {best.level * DB_PER_NEPER:.2f} "
-        "dB."
+        f"error from {d.steps[-1].fit_db:.2f} to {best.fit_db:.2f} dB."
         if best
         else ""
     )

@@ -5,15 +5,15 @@ import math
 from dovetail.report import cells, words
 from dovetail.report.blocks import Line, ReportMark, ReportSection, TableBlock, Text
 from dovetail.report.shown import Shown
-from dovetail.result import RunResult, UncertainValue, by_any, by_frfs
+from dovetail.result import CONNECTIONS_POWER, DAMPING_RATIO, RunResult, UncertainValue, by_any, by_frfs
 from updating.diagnosis.verdict import Verdict
 
 applies = by_any
 
 LEAST_ROWS = 5
 """Rows that are shown at least [-]."""
-SMALL_RATIO = 0.5
-"""Dimensionless values below this are shares or damping ratios; factors are about 1 [-]."""
+LOSSES = ("zeta", "eta", "loss_factor")
+"""Parameters of effects that are damping ratios or loss factors."""
 
 
 def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
@@ -30,12 +30,13 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
         else ""
     )
     head = ["parameter", "nominal", "fitted ± std", "change [prior std]", "prior std [%]", ""]
-    moved = [u for u in result.uncertain if not u.stays]
-    rows = [*map(_parameter_row, moved), *(_parameter_row(u) for u in result.uncertain if u.stays)]
+    replaced = [u for u in result.uncertain if not math.isfinite(u.fitted)]
+    moved = [u for u in result.uncertain if math.isfinite(u.fitted) and not u.stays]
+    rows = [_parameter_row(u) for u in (*moved, *replaced, *(u for u in result.uncertain if u.stays))]
     text = f"Fitted {fitted} within their prior standard deviations.{text}"
     if 0 < len(moved) < len(rows):
         text += f" The first {len(moved)} of {len(rows)} moved by more than their standard deviation."
-    table = TableBlock(head, rows, numbers=(1, 2, 3, 4), at_most=max(len(moved), LEAST_ROWS))
+    table = TableBlock(head, rows, numbers=(1, 2, 3, 4), at_most=max(len(moved) + len(replaced), LEAST_ROWS))
     return ReportSection("Uncertain parameters", [Text(text), table])
 
 
@@ -53,8 +54,10 @@ def _parameter_row(u: UncertainValue) -> list[Line]:
 
 
 def _in_percent(u: UncertainValue) -> tuple[float, float, float, str]:
-    """Return values before and after with the deviation and the unit: changes of 0 and small ratios in %."""
-    if u.unit != "-" or abs(u.nominal) >= SMALL_RATIO:
+    """Return values before and after with the deviation and the unit: damping and changes in %."""
+    parameter = u.name.rpartition(".")[2].partition(":")[0]
+    is_loss = parameter in LOSSES or u.name.startswith(DAMPING_RATIO)
+    if u.unit != "-" or u.name == CONNECTIONS_POWER or (u.nominal and not is_loss):
         return u.nominal, u.fitted, u.std, u.unit
     if u.is_logarithm:
         return 100 * math.expm1(u.nominal), 100 * math.expm1(u.fitted), 100 * math.exp(u.fitted) * u.std, "%"
