@@ -59,7 +59,7 @@ def effects_of(name, values, structure):
     if kind in AT_MEMBER:
         at = {"position": values["position"][0]} if "position" in values else {}
         return [{"kind": AT_MEMBER[kind], "place": place} | at | size]
-    if kind in AT_END and len(parts) == 2:
+    if kind in AT_END and place in structure.lengths and parts[0] in ("1", "2"):
         end, direction = parts
         return [{"kind": AT_END[kind], "place": f"{place}.{end}", "direction": direction} | size]
     if kind == "end_release":

@@ -214,6 +214,7 @@ def test_what_a_real_test_has_is_neither_right_nor_wrong(cases, tmp_path):
         ("end_release:P.1.ry", {"compliance": (1e-4, 1e-5, "rad/(N·m)")}, [FOOT]),
         ("sensor_mass", {"mass": (0.002, 0.001, "kg")}, []),
         ("joint_coupling:F.x-ry", {"coupling": (0.3, 0.1, "-")}, None),
+        ("ground_spring:F.other.x", {"stiffness": (1e5, 1e4, "N/m")}, None),
     ],
 )
 def test_words_of_the_program_become_those_of_the_test(cases, name, values, effects):
