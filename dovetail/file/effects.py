@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.table import LEAST, StudyTable, suggest
-from dovetail.file.toml import rounded, toml_table
+from dovetail.file.table import StudyTable, suggest
+from dovetail.file.toml import rounded, rounded_or_zero, toml_table
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Spread
 from fem.effects.joint_nonlinear import AmplitudeDependent
@@ -263,5 +263,4 @@ def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[
 
 def written_values(effect: Effect) -> dict[str, float]:
     """Return an effect's values as a study file holds them: no quantity is what rounding leaves of zero."""
-    values = {p.name: float(p.value) for p in effect.parameters()}
-    return {name: 0.0 if abs(v) < LEAST else rounded(v) for name, v in values.items()}
+    return {p.name: rounded_or_zero(float(p.value)) for p in effect.parameters()}

@@ -61,8 +61,11 @@ def rounded(value: Any, digits: int | None = None) -> Any:
     return float(f"{value:.{digits}g}") if isinstance(value, float | np.floating) else value
 
 
-def rounded_or_zero(value: float, size: float) -> float:
-    """Return a fitted value as :func:`rounded` does, 0 for what rounding leaves of it beside a usual size."""
+def rounded_or_zero(value: float, size: float = 0.0) -> float:
+    """Return a fitted value as :func:`rounded` does, 0 for what rounding leaves of it beside a usual size.
+
+    Without a size, 0 is what no quantity is.
+    """
     return 0.0 if abs(value) < max(LEAST, ROUNDING * size) else rounded(value)
 
 

@@ -405,16 +405,16 @@ class ParametricFRF:
             for i, _, exponents in scaled.foreign:
                 by = {key: n * factors[key] / float(values[i]) for key, n in exponents.items()}
                 slopes.append((i, term.scaled(by)))
-        stepped: dict[tuple[int, int], Model] = {}
+        stepped: dict[tuple[Model, int], Model] = {}
         for now, model, rows, others in self._following(values):
             for i in rows:
                 term = self.reduced.derivative_of(now, self.refs[i][1], float(values[i]), model)
                 slopes.append((i, self.restrict(term)))
             for i in others:
                 # effects in series share what one of them is in the model with this step
-                if (id(model), i) not in stepped:
-                    stepped[id(model), i] = model.with_values({self.refs[i]: float(values[i]) + 1j * STEP})
-                slopes.append((i, self.restrict(self.reduced.slope_in(now, stepped[id(model), i]))))
+                if (model, i) not in stepped:
+                    stepped[model, i] = model.with_values({self.refs[i]: float(values[i]) + 1j * STEP})
+                slopes.append((i, self.restrict(self.reduced.slope_in(now, stepped[model, i]))))
         return slopes
 
     def _now(self, effect: Effect, rows: Sequence[int], values: NDArray[np.float64]) -> Effect:

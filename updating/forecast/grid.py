@@ -31,8 +31,8 @@ class Grid:
     # The terms of all points, on the last reduced model that they were asked for.
     _terms: tuple = field(default=(), init=False, repr=False)
     _reduced: ReducedModel | None = field(default=None, init=False, repr=False)
-    # Of values: sizes and directions of all points ask for them several times.
-    _parameters: dict[tuple[float, ...], tuple[Parameter, ...]] = field(
+    # By the values of a point: its sizes and directions ask for them several times.
+    _parameters: dict[tuple[tuple[str, float], ...], tuple[Parameter, ...]] = field(
         default_factory=dict, init=False, repr=False
     )
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -100,6 +101,22 @@ class Problem(FitInputs[D]):
 
         None where the error is small against the level that the data leave.
         """
+
+    def with_good_basis(
+        self, result: FitResult, tell: Callable[[int, float], None] = lambda n_lines, error: None
+    ) -> Self:
+        """Return the problem on a basis that is good enough for a fitted model; itself where its own is.
+
+        ``tell`` is called with the number of lines whose responses are added, and the error without them.
+        """
+        out = self
+        for n_lines in BASIS_LINES:
+            better = out.better_basis(result, n_lines)
+            if better is None:
+                break
+            tell(n_lines, better[0])
+            out = replace(out, reduced=better[1])
+        return out
 
     def error_words(self, level: float) -> str:
         """Return a level of residuals [-] as a reader knows it."""

@@ -14,7 +14,6 @@ from fem.model import Effect, ParameterRef, parameter_values
 from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import Comparison, compare
-from updating.inference.defaults import BASIS_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult
@@ -168,19 +167,18 @@ class LiveModel:
     def learn(self, h: Hypothesis) -> None:
         """Let the basis have the responses of a hypothesis, where it errs without."""
         known = self.evaluate(h).result
-        for n_lines in BASIS_LINES:
-            problem = self._problem(h)
-            enriched = replace(problem, reduced=replace(problem.reduced).with_forces_of(h.effects))
-            better = enriched.better_basis(known, n_lines)
-            if better is None:
-                return
-            with self._lock:
-                problem = replace(problem, reduced=better[1])
-                if self.has_form(h):
-                    self.formed = problem
-                else:
-                    self.problem = problem
-                self._engines = Recent(KEPT)
+        problem = self._problem(h)
+        apart = replace(problem, reduced=replace(problem.reduced).with_forces_of(h.effects))
+        good = apart.with_good_basis(known)
+        if good is apart:
+            return
+        with self._lock:
+            problem = replace(problem, reduced=good.reduced)
+            if self.has_form(h):
+                self.formed = problem
+            else:
+                self.problem = problem
+            self._engines = Recent(KEPT)
 
     def evaluate(self, h: Hypothesis) -> Evaluation:
         """Return the FRFs of a hypothesis and their errors."""

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF
 from fem.model import Effect, parameter_values
 from updating.inference.belief import DATA_PER_MODE
-from updating.inference.defaults import BASIS_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.solve import Solution
 from updating.measurement.measurement import Measurement
@@ -48,11 +47,7 @@ def drawn(
     x = np.clip(x, *function.limits().T)
     # what is far from nominal is not on a basis of the nominal model
     there = function.result(Solution(x, np.nan, np.nan, 0, True, np.empty((0, 0))))
-    for n_lines in BASIS_LINES:
-        better = problem.better_basis(there, n_lines)
-        if better is None:
-            break
-        problem = replace(problem, reduced=better[1])
+    problem = problem.with_good_basis(there)
     function = problem.function(effects, [parameter_values(e) for e in effects], lines)
     H = function.receptance(x) * np.exp(_discrepancy(problem, discrepancy, rng))[:, None, None]
     parts = rng.standard_normal((2, *H.shape))

@@ -45,7 +45,7 @@ from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
 from updating.forecast.forecast import EffectEstimate
 from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
-from updating.inference.defaults import BASIS_LINES, FULL_LINES
+from updating.inference.defaults import FULL_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Lasting
@@ -234,6 +234,8 @@ class Search(Generic[P]):
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
     # Of the problem beside them: they are asked for with every probability.
     _allowed: tuple[P, NDArray[np.float64]] | None = field(default=None, init=False)
+    # Of one fit by one problem: it is asked for from afar and from near.
+    _last_scan: tuple[P, FitResult, tuple[Scanned, ...]] | None = field(default=None, init=False)
 
     def __post_init__(
         self, problem: P, form: tuple[Nuisance, ...], ranking: Ranking, beforehand: float
@@ -405,7 +407,7 @@ class Search(Generic[P]):
         """Return candidates that damped FRFs ask for, the best of each sort."""
         kept, now = values_of(base.effects), base.fitted
         if not base.effects:
-            self._keep_scan(self.fits.ranking.scan(self.fits.problem, now, self.places))
+            self._keep_scan(self.scan(now))
             now = damped.problem.far_start(now)
         compatible = self.compatible_with(base.effects)
         springs = self.springs(key_of(compatible))
@@ -593,7 +595,7 @@ class Search(Generic[P]):
         ranked: tuple[Scanned, ...] = ()
         # Near FRFs what small changes gain says enough of where to look.
         if far or not (base.effects or self.settled(base)) or not self.fits.ranking.precise_looks:
-            ranked = self.fits.ranking.scan(self.fits.problem, current, self.places)
+            ranked = self.scan(current)
             self.say("scan: " + "; ".join(f"{s.name} {s.residual_ratio:.3f}" for s in ranked[:6]))
         if not base.effects:
             self._keep_scan(ranked)
@@ -630,6 +632,13 @@ class Search(Generic[P]):
             for s in chosen
         ]
         return out + self.blocks(base, quick, now, ranked, key_of(compatible), far=far)
+
+    def scan(self, current: FitResult) -> tuple[Scanned, ...]:
+        """Return the places that explain what a fit leaves, the best first, once for a fit."""
+        problem = self.fits.problem
+        if self._last_scan is None or self._last_scan[:2] != (problem, current):
+            self._last_scan = problem, current, self.fits.ranking.scan(problem, current, self.places)
+        return self._last_scan[2]
 
     def _keep_scan(self, scanned: tuple[Scanned, ...]) -> None:
         """Keep the places that explain the misfit without effects, and say the first of them."""
@@ -801,17 +810,15 @@ class Search(Generic[P]):
         Effects that act on a whole member, and a form that has moved far, converge slowly on modes without
         them.
         """
-        before = self.fits
-        for n_lines in BASIS_LINES:
-            problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
-            better = problem.better_basis(h.fitted, n_lines)
-            if better is None:
-                break
-            error, reduced = better
-            self.fits = replace(self.fits, problem=replace(self.fits.problem, reduced=reduced))
+
+        def tell(n_lines: int, error: float) -> None:
             decibels = error * DB_PER_NEPER
             self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
-        if self.fits is not before:
+
+        problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
+        good = problem.with_good_basis(h.fitted, tell)
+        if good is not problem:
+            self.fits = replace(self.fits, problem=replace(self.fits.problem, reduced=good.reduced))
             # What is bent would stay so.
             anew = not self.settled(h)
             self.known[h.key] = h = (
