@@ -25,11 +25,12 @@ from updating.inference import belief, effect_priors
 FACTORS = 0.5, 2.0
 OF_THE_FORM = {"FORM_SECTION": ("section_form",), "FORM_ZONE": ("zone_form", "clamp_form")}
 """Constants that are standard deviations of the form's parameters, by kinds of effect."""
+MISSING = "MISSING"
+"""Its factor is one of the odds: twice 0.5 would leave nothing open."""
 PLAIN = (
     "DATA_PER_MODE",
     "FORM_DAMPING",
     "FORM_MODES",
-    "MISSING",
     "EFFECT_ODDS",
     "UNKNOWN_ODDS",
     "DISCREPANCY_MAX",
@@ -76,6 +77,12 @@ def with_form(fits: Fits, name: str, factor: float) -> Fits:
     return replace(fits, problem=replace(fits.problem, nuisances=nuisances))
 
 
+def with_odds(fits: Fits, factor: float) -> Fits:
+    """Return fits with other odds that something is missing."""
+    odds = replace(fits.odds, something=fits.odds.something - float(np.log(factor)))
+    return replace(fits, odds=odds)
+
+
 def again(done: Searched, fits: Fits) -> Answer:
     """Return the answer among the best hypotheses and none, fitted again."""
     known = sorted(done.search.known.values(), key=lambda h: -h.score)
@@ -91,7 +98,7 @@ def again(done: Searched, fits: Fits) -> Answer:
 
 def variants() -> Iterator[tuple[str, float]]:
     """Yield each constant with each factor."""
-    for name in (*OF_THE_FORM, *PLAIN):
+    for name in (*OF_THE_FORM, MISSING, *PLAIN):
         for factor in FACTORS:
             yield name, factor
 
@@ -104,6 +111,8 @@ def of_case(case: Path) -> dict[tuple[str, float], Answer]:
     for name, factor in variants():
         if name in OF_THE_FORM:
             out[name, factor] = again(done, with_form(fits, name, factor))
+        elif name == MISSING:
+            out[name, factor] = again(done, with_odds(fits, factor))
         else:
             value = value_of(name)
             with constant(

@@ -8,9 +8,9 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import metadata
 from pathlib import Path
 
-import dovetail
 from benchmarks.open_test import judge as judging
 from benchmarks.open_test.answer import Answer, not_ended, read_answer
 from benchmarks.open_test.case import CaseError, read_structure
@@ -31,7 +31,7 @@ def answered(name, case, limit):
     begun = time.process_time()
     said = rival.solve(Case(Path(case), limit))
     seconds = round(time.process_time() - begun, 1)
-    version = f"dovetail {dovetail.__version__}" if hasattr(dovetail, "__version__") else ""
+    version = metadata.version("dovetail-dynamics")
     return Answer(structure.name, name, version, seconds, said.explanations, said.unexplained)
 
 

@@ -14,7 +14,6 @@ DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 SHAPES = {"rect": "rectangle", "rhs": "hollow rectangle", "round": "circle", "tube": "tube"}
 TOLERANCES = {"E": "E", "rho": "rho", "joint data": "joint_stiffness", "dimensions": "dimensions"}
 """How nominal.json of `benchmarks.independent` names tolerances, and how structure.json does."""
-N_FREE = 6
 
 
 class CaseError(ValueError):

@@ -196,8 +196,6 @@ def draw(by_program, file):
     """Draw log scores and outcomes of programs into a picture."""
     from matplotlib.figure import Figure
 
-    from viz import style
-
     order = sorted(by_program, key=lambda name: mean(j.log_score for j in by_program[name]))
     figure = Figure(figsize=(9, 0.5 * len(order) + 1.6), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
@@ -215,4 +213,4 @@ def draw(by_program, file):
     left.set_xlabel("log score [nats], mean and each case")
     right.set_xlabel("cases")
     figure.legend(*right.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
-    style.save(figure, file)
+    figure.savefig(file, dpi=150)

@@ -6,11 +6,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from benchmarks.independent.convert import convert
 from benchmarks.open_test.case import FRFS, MODES, STRUCTURE, CaseError, neutral, nominal_of, write_modes
 from benchmarks.open_test.truth import broken_seals, neutral_truth, seal_of
-from dovetail import load_study
-from updating import identify_modes
 
 TRUTH, SEALS, SALT = "truth.json", "seals.json", "salt.txt"
 SET = "case-{:03d}"
@@ -34,6 +31,10 @@ def cases_of(folder):
 
 def take(generated, out, first=1):
     """Write generated cases (`benchmarks.independent.foreign`) as cases of the test; return their truths."""
+    from benchmarks.independent.convert import convert  # to judge needs no package of Dovetail
+    from dovetail import load_study
+    from updating import identify_modes
+
     generated, out = Path(generated), Path(out)
     truths = json.loads((generated / TRUTH).read_text(encoding="utf-8"))
     told = {}

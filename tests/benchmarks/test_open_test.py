@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from fem import FRF, assemble, compute_frf
 from fem.io import write_uff
 from updating import sensor_rows
 
+ROOT = Path(package.__file__).parents[2]
 TUBE = {"type": "tube", "d": 0.026, "t": 0.0025, "h_direction": [0, 0, 1]}
 FOOT_AT, HEAD = [0.0, 0.0, 0.0], [0.0, 0.0, 0.5]
 SENSORS = [
@@ -255,6 +258,20 @@ def test_a_toy_program_enters_by_the_documented_door(cases, tmp_path, capsys):
     assert "| toy | 1 | -0.05 | 1 of 1" in printed
     assert printed.index("| toy |") < printed.index("| unsure |")
     assert page.with_suffix(".png").stat().st_size > 10_000
+
+
+def test_answers_are_judged_without_any_package_of_the_program(cases, tmp_path):
+    (tmp_path / "toy").mkdir()
+    answer(tmp_path / "toy")
+    code = (
+        "import sys\n"
+        "for name in ('fem', 'updating', 'joint', 'viz', 'dovetail'): sys.modules[name] = None\n"
+        "from benchmarks.open_test.__main__ import main\n"
+        f"sys.exit(main(['judge', {str(cases)!r}, {str(tmp_path / 'toy')!r}]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert "| toy | 1 |" in done.stdout
 
 
 @pytest.mark.parametrize("name", ["modal_updating", "sparse_bayes", "constitutive_error", "forward_modal"])

@@ -6,7 +6,7 @@ support can give way without a change of coordinates.
 
 import tempfile
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from benchmarks.open_test.answer import Explanation
 from benchmarks.open_test.case import nominal_of, read_modes, read_structure
 from benchmarks.open_test.words import effects_of
 from dovetail import load_study
-from updating import sensor_rows
+from updating import mac, sensor_rows
 
 N_MODES, ABOVE = 40, 2.0
 """Modes of the reduced basis, at most, and the multiple of the band that they may reach."""
@@ -217,8 +217,8 @@ class Reduced:
         """Return K, M, C, D of the model with effects; None where these change the coordinates."""
         model = self.model
         for e in effects:
-            model = _without(model, e.name)
-            model = e.added_to(model)
+            there = [e.name for known in model.effects if known.name == e.name]
+            model = e.added_to(model.without_effect(*there))
         system = fem.assemble(model)
         return self._projected(system) if system.K.shape == self.system.K.shape else None
 
@@ -292,13 +292,13 @@ class Updating:
         """Return residuals (n,) and slopes with some changes (n, n_columns), in standard deviations."""
         reduced, (f, _, phi) = self.case.reduced, self.case.modes
         frequency, shapes, vectors = reduced.solve_modes(self.matrices(changes), len(reduced.base[0]))
-        partner, mac = paired(frequency, shapes, f, phi.real)
+        partner, assurance = paired(frequency, shapes, f, phi.real)
         values = (2 * np.pi * frequency) ** 2
         factor = np.where(self.log, np.exp(np.clip(changes, *LOG_BOUNDS)), 1.0)[columns]
         dK, dM = self.slopes[0][columns], self.slopes[1][columns]
         rows, slopes = [], []
         for k, j in enumerate(partner):
-            if mac[j, k] < LEAST_MAC:
+            if assurance[j, k] < LEAST_MAC:
                 continue
             gaps = values[j] - values
             gaps[np.abs(gaps) < 1e-6 * abs(values[j])] = np.inf
@@ -370,13 +370,6 @@ def common_slopes(case):
     return out
 
 
-def _without(model, name):
-    """Return a model without the effect of a name, which another one replaces."""
-    if all(e.name != name for e in model.effects):
-        return model
-    return replace(model, effects=tuple(e for e in model.effects if e.name != name))
-
-
 def _points(effect):
     """Return the points of the mesh at which a joint or a support is."""
     out = [getattr(effect, name, None) for name in ("point", "point1", "point2")]
@@ -385,16 +378,10 @@ def _points(effect):
 
 def paired(frequency, shapes, f, phi):
     """Return for each measured mode the number of the computed one that is likest, by MAC and frequency."""
-    mac = modal_assurance(shapes, phi)
+    assurance = mac(shapes, phi)
     near = np.abs(np.log(f[:, None] / np.maximum(frequency, 1e-9)[None, :]))
-    likeness = mac.T - 2.0 * near
+    likeness = assurance.T - 2.0 * near
     rows, columns = scipy.optimize.linear_sum_assignment(-likeness)
     out = np.full(len(f), -1)
     out[rows] = columns
-    return out, mac
-
-
-def modal_assurance(a, b):
-    """Return the MAC of columns, (n_a, n_b) (Allemang and Brown, IMAC 1982)."""
-    cross = np.abs(a.conj().T @ b) ** 2
-    return cross / np.outer(np.sum(np.abs(a) ** 2, axis=0), np.sum(np.abs(b) ** 2, axis=0))
+    return out, assurance

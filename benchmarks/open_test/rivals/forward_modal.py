@@ -6,6 +6,7 @@ Candidates at members next to the sensors of the lowest COMAC come first. As man
 import numpy as np
 
 from benchmarks.open_test.rivals.common import Updating, paired
+from updating import comac
 
 SOURCE = (
     "Lieven and Ewins, IMAC 1988 (COMAC); Lallement and Piranda, IMAC 1990 (forward selection); Friswell, "
@@ -18,19 +19,17 @@ KINDS = {
 MOST = 3
 
 
-def comac(case):
+def by_sensor(case):
     """Return the COMAC of each sensor, paired by MAC (n_sensors,)."""
     reduced, (f, _, phi) = case.reduced, case.modes
     frequency, shapes, _ = reduced.solve_modes(reduced.base, len(reduced.base[0]))
     partner, _ = paired(frequency, shapes, f, phi.real)
-    a, b = shapes[:, partner], phi.real
-    a, b = a / np.linalg.norm(a, axis=0), b / np.linalg.norm(b, axis=0)
-    return np.sum(np.abs(a * b), axis=1) ** 2 / (np.sum(a**2, axis=1) * np.sum(b**2, axis=1))
+    return comac(phi.real, shapes[:, partner])
 
 
 def solve(case):
     """Return what forward selection finds, with BIC's weights for each number of effects."""
-    poor = np.argsort(comac(case))
+    poor = np.argsort(by_sensor(case))
     members = [case.structure.told["sensors"][i]["member"] for i in poor]
     order = {m: k for k, m in reversed(list(enumerate(members)))}
     options = sorted(
