@@ -24,9 +24,7 @@ def percent(std: float, value: float) -> str:
 
 
 def shift(before: float, after: float) -> str:
-    """Return a change in percent, with its sign."""
-    return (
-        f"{round(100 * (after / before - 1), 2) + 0.0:+.2f}".replace("-", "−")
-        if math.isfinite(before) and min(before, after) > 0
-        else "–"
-    )
+    """Return a change in percent, with its sign; a dash where one of the two is not known."""
+    if not (before > 0 and after > 0 and math.isfinite(before + after)):
+        return "–"
+    return f"{round(100 * (after / before - 1), 2) + 0.0:+.2f}".replace("-", "−")

@@ -1,5 +1,6 @@
 """The report: whole in one file, right for every verdict, and as a browser shows it."""
 
+import math
 import re
 import subprocess
 from dataclasses import replace
@@ -17,6 +18,7 @@ from dovetail.report import (
     Album,
     Markup,
     TableBlock,
+    cells,
     draw_all,
     fits_of,
     html,
@@ -642,6 +644,12 @@ def test_only_damping_and_changes_are_in_percent(found, name, nominal, shown):
     number, _, unit = table.rows[0][1].partition("\u00a0")
     assert float(number) == float(shown)
     assert (unit == "%") == (float(shown) != nominal or not nominal)
+
+
+def test_a_mode_without_a_partner_has_a_dash():
+    """The report of the demo had "+nan" for two modes that the nominal model lacks."""
+    assert cells.shift(223.9, math.nan) == cells.shift(math.nan, 223.9) == "–"
+    assert cells.shift(200.0, 199.0) == "−0.50"
 
 
 def test_modes_in_the_frfs_stand_beside_the_models_where_none_were_given(found, album):
