@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from dovetail.desk.journal import JournalError, journal_of, read_journal, write_journal
     from dovetail.desk.saving import by_hand, held_out_of, live_model, save_study, write_desk_report
     from dovetail.desk.scale import Scale
-    from dovetail.desk.serve import HOST, MissingDeskError, free_port, require_nicegui, wait_for
+    from dovetail.desk.serve import HOST, MissingDeskError, free_port, require_nicegui, tells, wait_for
     from dovetail.desk.session import Desk
     from dovetail.desk.state import MOST_STATES, DeskState, History, Stair
     from dovetail.desk.views import VIEWS, Chosen, frequency_bars
@@ -44,6 +44,7 @@ __all__ = [
     "read_journal",
     "require_nicegui",
     "save_study",
+    "tells",
     "wait_for",
     "write_desk_report",
     "write_journal",

@@ -53,7 +53,7 @@ def wait_for(port: int) -> None:
         time.sleep(0.05)
 
 
-def _tells(record: logging.LogRecord) -> bool:
+def tells(record: logging.LogRecord) -> bool:
     """Return False for the warning that tasks took seconds to end: by then they have ended."""
     return not ("cancel %s tasks" in str(record.msg) and record.getMessage().rstrip().endswith(":"))
 
@@ -94,7 +94,7 @@ def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bo
         if browser:
             webbrowser.open(address)
 
-    logging.getLogger("nicegui").addFilter(_tells)
+    logging.getLogger("nicegui").addFilter(tells)
     # The server listens only after what is done at its start.
     app.on_startup(Thread(target=when_it_answers, daemon=True).start)
     # a browser that draws in software may take seconds before it connects, and would have to load again

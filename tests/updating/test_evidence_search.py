@@ -189,6 +189,39 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(monkeypatch, far, expl
     assert asked == [steps]
 
 
+@pytest.mark.parametrize(
+    ("far", "explains", "ways"),
+    [
+        (True, True, ["afar", "near its form"]),
+        (True, False, ["afar"]),
+        (False, True, ["near its form"]),
+    ],
+)
+def test_beside_a_bent_model_that_explains_the_data_its_own_form_is_kept_too(
+    monkeypatch, far, explains, ways
+):
+    """With the nominal form alone a mass of 53 g, worth 80 nats, was "nothing missing"."""
+    went, base = [], Given("", 0.0)
+    search = object.__new__(Search)
+    search.fits = SimpleNamespace(
+        free=lambda h: None, is_far=lambda h: far, is_bent=lambda h: far, quickly=lambda *a: Given("", 0.0)
+    )
+    search.workers, search.budget, search.known = ALONE, NORMAL, {}
+    seen = SimpleNamespace(for_look=lambda: "damped")
+    monkeypatch.setattr(module, "Damped", SimpleNamespace(of=lambda *a, **k: seen))
+    monkeypatch.setattr(Search, "explains", lambda self, h: explains)
+    monkeypatch.setattr(Search, "settled", lambda self, h: True)
+    monkeypatch.setattr(Search, "all_full", lambda self, near, *, anew: [])
+    monkeypatch.setattr(Search, "from_afar", lambda self, *a: went.append("afar") or [])
+    monkeypatch.setattr(
+        Search,
+        "from_near",
+        lambda self, *a, far: went.append("near nominal" if far else "near its form") or [],
+    )
+    assert search.extended(base, set()) == []
+    assert went == ways
+
+
 def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     """Looks promised dampers 16 nats, and fits gained none: reports gave them half of the probability."""
     reached = {"a": -2.0, "b": -4.0}
