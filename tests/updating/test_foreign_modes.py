@@ -66,7 +66,9 @@ def test_a_test_of_the_structure_alone_has_no_foreign_resonance(lap):
 def test_the_note_gives_bands_that_can_be_held_out(mode, text):
     note = note_of([mode])
     assert re.match(text, note)
-    low, high = band_of(note.split('"')[1])
+    band = band_of(note.split('"')[1])
+    assert band is not None
+    low, high = band
     assert 0 < low < mode.frequency < high
 
 
