@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -12,10 +13,8 @@ from fem.model import Contribution
 from fem.reduction.frf_slopes import FrfSlopes
 from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
+from fem.reduction.slopes_together import TINY, Ranges, SlopePart, SlopesTogether, together
 from fem.reduction.terms import ReducedTerm
-
-TINY = 1e-12
-"""Smaller parts of the largest entry do not count in single precision: three of them are not subnormal."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -103,7 +102,7 @@ class DeviatingFRF(ParametricFRF):
             for e in (deviations.outputs, deviations.inputs)
         ]
         self._dense: Floats | None = None
-        self._constant: tuple[list[int], list[Any], NDArray[np.float32], Floats] | None = None
+        self._ranges: Ranges = {}
         self.refs = (*self.refs, *(("deviations", str(k)) for k in range(len(deviations))))
 
     def matrices(self, values: Floats) -> tuple[dict[str, Any], list[ReducedTerm]]:
@@ -165,33 +164,31 @@ class DeviatingFRF(ParametricFRF):
     ) -> FrfSlopes:
         """Return the derivatives of receptances from the results of :meth:`solve`.
 
-        dH = -Hₒ dZ Hᵢ with all dZ as one stack of matrices on the basis: few large products cost less than
-        many small ones at the places of the parameters.
+        dH = -Hₒ dZ Hᵢ. Slopes dZ at the same DOFs are evaluated together, on the motions that they resist.
         """
         n_lines, n_in, n_out = len(self.omega), self.inputs.shape[1], self.outputs.shape[1]
         inward, of_inward = _real_and_imaginary(times(state.V, Xi))
         outputs, _ = self.ends(values)
         outward, of_outward = _real_and_imaginary(times(state.V, state.solve(outputs, transposed=True)))
         size = -of_inward * of_outward
-        rows, factors, stack = self._stacked(values, state, total, alone, connections=zeta.ndim > 1)
         of_outputs, n_zeta = self._rows[3], 2 if zeta.ndim > 1 else 1
         units = np.append(units, np.ones(n_zeta))
-        factors = (factors * size * units[rows][:, None]).astype(np.complex64)
-        # Of few inputs the forces dZ Hᵢ are formed, of few outputs Hₒ dZ: a roving hammer has one output.
-        if n_in <= n_out:
-            products = _products(inward, stack, outward).transpose(2, 3, 0, 1)
-        else:
-            products = _products(outward, stack.transpose(0, 2, 1), inward).transpose(2, 1, 0, 3)
         first, n_of_outputs = of_outputs.start, of_outputs.stop - of_outputs.start
         dH = np.zeros((len(units) - n_of_outputs, n_out, n_lines, n_in), dtype=np.complex64)
-        known = np.zeros(len(dH), dtype=bool)
-        rows = np.where(np.array(rows) < first, rows, np.array(rows) - n_of_outputs)
-        for row, product, factor in zip(rows, products, factors[:, None, :, None], strict=True):
-            if known[row]:
-                dH[row] += product * factor
-            else:
-                np.multiply(product, factor, out=dH[row])
-                known[row] = True
+        # Of few inputs the forces dZ Hᵢ are formed, of few outputs Hₒ dZ: a roving hammer has one output.
+        few, many, forward = (inward, outward, True) if n_in <= n_out else (outward, inward, False)
+        by = self.factors(state)
+        changing = self._changing(values, state, total, alone, connections=n_zeta > 1)
+        for part in (*self._constant_slopes, *changing):
+            pushed, answering = (X if part.along is None else _moved(X, part.along) for X in (few, many))
+            stack = part.matrices if forward else part.matrices.transpose(0, 2, 1)
+            products = _products(pushed, stack, _both(answering))
+            factors = np.array([by[f] if isinstance(f, str) else f for f in part.factors]).T * size[:, None]
+            products *= (factors * part.sizes * units[part.rows]).astype(np.complex64)[:, None, :, None]
+            products = products.transpose(2, 3, 0, 1) if forward else products.transpose(2, 1, 0, 3)
+            rows = np.where(part.rows < first, part.rows, part.rows - n_of_outputs)
+            for which in part.passes:
+                dH[rows[which]] += products[which]
         for at, S, factor in zip(self._rows, (self._stiff, self._lossy), (state.stiffness, 1j), strict=False):
             if S.size:
                 ui, uo = (_along(X, S) for X in (inward, outward))
@@ -206,7 +203,7 @@ class DeviatingFRF(ParametricFRF):
             dH[-2] -= dH[-1]  # all but the connections are damped as members
         return FrfSlopes(dH, first, of, single)
 
-    def _stacked(
+    def _changing(
         self,
         values: Floats,
         state: ModalSolution,
@@ -214,47 +211,32 @@ class DeviatingFRF(ParametricFRF):
         alone: Sequence[ReducedTerm],
         *,
         connections: bool,
-    ) -> tuple[list[int], Complexes, NDArray[np.float32]]:
-        """Return the rows of m slopes of Z, their factors (m, n_freq) and their matrices (m, n, n).
+    ) -> list[SlopesTogether]:
+        """Return the slopes of Z that depend on values.
 
         Behind the rows of parameters and deviations is that of ζ, and that of the ζ of ``connections`` if
-        they have a separate one. The matrices are valid until the next call.
+        they have a separate one.
         """
-        by = self.factors(state)
-        # Moduli multiply the matrices of many effects alike.
-        moving: dict[tuple[int, int], tuple[int, Any, Any]] = {}
-        for i, term in self.moving_slopes(values, alone):
-            for factor, X in term.parts(by, self.omega):
-                *_, before = moving.get((i, id(factor)), (0, 0, 0.0))
-                moving[i, id(factor)] = i, factor, before + term.spread(X)
         by_zeta = [total["K"], total["connections"]][: 2 if connections else 1]
         their = [np.full(len(self.omega), 2j)] * len(by_zeta)
         if self.viscous:
             MV = total["M"] @ state.V
             by_zeta[0], their[0] = (MV * np.sqrt(np.maximum(state.lam, 0.0))) @ MV.T, 2j * self.omega
-        changing = [X for *_, X in moving.values()] + by_zeta
-        rows = [i for i, *_ in moving.values()] + [len(self.refs) + k for k in range(len(by_zeta))]
-        n = len(changing)
-        if self._constant is None or len(self._constant[2]) != n + len(self._constant[0]):
-            self._constant = self._constant_slopes(n)
-        constant_rows, keys, stack, sizes = self._constant
-        stack[:n], sizes[:n] = _single(np.array(changing))
-        constant = [by[key] if isinstance(key, str) else key for key in keys]
-        factors: Complexes = np.array([*(f for _, f, _ in moving.values()), *their, *constant], dtype=complex)
-        return rows + constant_rows, factors * sizes[:, None], stack
+        parts = self._parts_of(self.moving_slopes(values, alone))
+        n_refs = len(self.refs)
+        parts += [(n_refs + k, f, None, X) for k, (f, X) in enumerate(zip(their, by_zeta, strict=True))]
+        return together(parts, self._ranges)
 
-    def _constant_slopes(self, n_before: int) -> tuple[list[int], list[Any], NDArray[np.float32], Floats]:
-        """Return rows, factors or their keys, matrices and sizes of the slopes that do not depend on values.
-
-        Matrices and sizes stand behind ``n_before`` empty ones.
-        """
-        names: Any = {key: key for key in ("K", "connections", "M", "C", "D")}
+    @cached_property
+    def _constant_slopes(self) -> list[SlopesTogether]:
+        """The slopes of Z that do not depend on values."""
         slopes = [*((i, t) for i, _, t in self._linear), *enumerate(self._elements, self._rows[2].start)]
-        parts = [(i, key, term.spread(X)) for i, term in slopes for key, X in term.parts(names, self.omega)]
-        stack, sizes = _single(np.array([X for *_, X in parts]).reshape(-1, self._n, self._n))
-        empty = np.zeros((n_before, self._n, self._n), dtype=np.float32)
-        every = np.concatenate([empty, stack]), np.append(np.zeros(n_before), sizes)
-        return [i for i, *_ in parts], [key for _, key, _ in parts], *every
+        return together(self._parts_of(slopes), self._ranges)
+
+    def _parts_of(self, slopes: Sequence[tuple[int, ReducedTerm]]) -> list[SlopePart]:
+        """Return rows, factors or their keys, the places and the matrices of some slopes."""
+        names: Any = {key: key for key in ("K", "connections", "M", "C", "D")}
+        return [(i, f, term, X) for i, term in slopes for f, X in term.parts(names, self.omega)]
 
     def read(self, values: Floats, state: ModalSolution, Xi: Complexes) -> Complexes:
         """Return the receptances, with what losses between different modes add."""
@@ -269,7 +251,7 @@ class DeviatingFRF(ParametricFRF):
 def _real_and_imaginary(X: Complexes) -> tuple[NDArray[np.float32], Floats]:
     """Return an array (n, m, n_freq) as (n_freq, m, 2, n) of real and imaginary parts, and its sizes.
 
-    As of :func:`_single`.
+    In parts of the largest entry of each line, in single precision.
     """
     size = np.maximum(np.abs(X.real).max(axis=(0, 1)), np.abs(X.imag).max(axis=(0, 1)))
     size = np.maximum(size, 1e-300)
@@ -279,43 +261,39 @@ def _real_and_imaginary(X: Complexes) -> tuple[NDArray[np.float32], Floats]:
     return out, size
 
 
-def _single(X: Floats) -> tuple[NDArray[np.float32], Floats]:
-    """Return arrays in parts of their largest entries, in single precision, and these.
-
-    Of less than ``TINY`` nothing is left: products of subnormal numbers take many times as long.
-    """
-    size = np.abs(X).max(axis=tuple(range(1, X.ndim)), initial=1e-300)
-    out = (X / size.reshape(-1, *[1] * (X.ndim - 1))).astype(np.float32)
-    out[np.abs(out) < TINY] = 0.0
-    return out, size
+def _moved(X: NDArray[np.float32], along: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what combinations (k, n) of the last axis of an array are, (..., k), by one product."""
+    return (X.reshape(-1, X.shape[-1]) @ along.T).reshape(*X.shape[:-1], len(along))
 
 
 def _along(X: NDArray[np.float32], S: Floats) -> NDArray[np.complex64]:
     """Return what directions S (n, k) have of complex motions (n_freq, m, 2, n), (k, n_freq, m)."""
-    real, imaginary = (X @ S.astype(np.float32)).transpose(2, 3, 0, 1)
+    real, imaginary = _moved(X, S.T.astype(np.float32)).transpose(2, 3, 0, 1)
     out = np.empty(real.shape, dtype=np.complex64)
     out.real, out.imag = real, imaginary
     return out
 
 
+def _both(B: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return complex motions (n_freq, j, 2, n) as factors of both parts of forces, (n_freq, 2, n, j, 2)."""
+    out = np.empty((len(B), 2, B.shape[3], B.shape[1], 2), dtype=np.float32)
+    out[:, 0] = B.transpose(0, 3, 1, 2)
+    out[:, 1, ..., 0], out[:, 1, ..., 1] = -out[:, 0, ..., 1], out[:, 0, ..., 0]
+    return out
+
+
 def _products(
-    A: NDArray[np.float32], stack: NDArray[np.float32], B: NDArray[np.float32]
+    A: NDArray[np.float32], stack: NDArray[np.float32], both: NDArray[np.float32]
 ) -> NDArray[np.complex64]:
-    """Return bᵀ X a for complex motions A (n_freq, i, 2, n) and B (n_freq, j, 2, n) and matrices X (m, n, n).
+    """Return bᵀ X a for complex motions A (n_freq, i, 2, n), those b of :func:`_both`, matrices X (m, n, n).
 
     Returns
     -------
     ndarray (n_freq, i, m, j)
     """
-    (n_lines, n_a, _, n), n_b, m = A.shape, B.shape[1], len(stack)
+    (n_lines, n_a, _, n), n_b, m = A.shape, both.shape[3], len(stack)
     forces = (A.reshape(-1, n) @ stack.reshape(-1, n).T).reshape(n_lines, n_a, 2, m, n)
-    # Both parts of b, and of i b, beside each other: products are complex numbers in memory.
-    both = np.empty((2, n_lines, n, n_b, 2), dtype=np.float32)
-    both[0] = B.transpose(0, 3, 1, 2)
-    both[1, ..., 0], both[1, ..., 1] = -both[0, ..., 1], both[0, ..., 0]
-    both = both.reshape(2, n_lines, n, 2 * n_b)
-    out = np.empty((n_lines, n_a, m, 2 * n_b), dtype=np.float32)
-    for k in range(n_a):
-        np.matmul(forces[:, k, 0], both[0], out=out[:, k])
-        out[:, k] += forces[:, k, 1] @ both[1]
-    return out.view(np.complex64)
+    # One product a line: of complex numbers as both parts beside each other.
+    forces = forces.transpose(0, 1, 3, 2, 4).reshape(n_lines, n_a * m, 2 * n)
+    out = forces @ both.reshape(n_lines, 2 * n, 2 * n_b)
+    return out.view(np.complex64).reshape(n_lines, n_a, m, n_b)
