@@ -7,8 +7,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from fem.declarations import Entry, Role
-from fem.effects.ground_spring import GroundSpring
+from fem.effects.ground_spring import attachments
 from fem.effects.places import OnPoint, typical_mass
+from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Contribution, Model, Parameter
 
 
@@ -54,18 +55,17 @@ class GroundDamper(OnPoint):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Self, ...]:
-        """Return the places and directions of translation of ``ground_spring``."""
-        springs = GroundSpring.propose(model)
-        m = typical_mass(model) if springs else 0.0
+        """Return the translations of :func:`fem.effects.ground_spring.attachments`, driven ones included."""
+        m = typical_mass(model) if model.of_kind(Frame) else 0.0
         return tuple(
             cls(
-                name=f"ground_damper:{e.name.partition(':')[2]}",
-                point=e.point,
-                place=e.place,
-                direction=e.direction,
+                name=f"ground_damper:{label}.{d}",
+                point=point,
+                place=place,
+                direction=d,
                 damping=0.0,
                 reference=m,
             )
-            for e in springs
-            if e.direction in DIRECTIONS[:3]
+            for point, place, label, d in attachments(model)
+            if d in DIRECTIONS[:3]
         )

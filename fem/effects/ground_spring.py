@@ -60,43 +60,47 @@ class GroundSpring(OnPoint):
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Self, ...]:
-        """Return translations of members' ends and of inner joints, and directions that supports leave free.
-
-        Not in directions that are fixed, nor where a joint leads to the ground: its stiffness is a
-        candidate there, nor at excitations, where a ``stinger`` is. Of the two sides of a rigid joint one is
-        enough where they lie at the same place: elsewhere the one turns about the other.
-        """
-        if not model.of_kind(Frame):
-            return ()
-        fixed = fixed_directions(model)
-        grounded = {p.point1 for p in model.of_kind(PointPair) if p.point2 is None}
-        rigid = [j for j in model.of_kind(Joint) if len(j.rigid) == len(DIRECTIONS)]
-        at, near = model.mesh.points, TOGETHER * model.mesh.size
-        other_sides = {
-            j.point2
-            for j in rigid
-            if j.point2 is not None and np.linalg.norm(at[j.point1] - at[j.point2]) < near
-        }
-        supports = {s.point for s in model.of_kind(Support)}
-        reference = {d: typical_stiffness(model, d) for d in DIRECTIONS}
+        """Return the places of :func:`attachments`, but at excitations, where a ``stinger`` is."""
         driven = _driven(model.instruments) if model.instruments is not None else set()
-        out: list[Self] = []
-        for point, place, label in fastening_places(model):
-            if point in grounded or point in other_sides:
-                continue
-            for d in DIRECTIONS if point in supports else DIRECTIONS[:3]:
-                if d not in fixed.get(point, ()) and (point, d) not in driven:
-                    out.append(
-                        cls(
-                            name=f"ground_spring:{label}.{d}",
-                            point=point,
-                            place=place,
-                            direction=d,
-                            stiffness=0.0,
-                            reference=reference[d],
-                        )
-                    )
-        return tuple(out)
+        reference = {d: typical_stiffness(model, d) for d in DIRECTIONS} if model.of_kind(Frame) else {}
+        return tuple(
+            cls(
+                name=f"ground_spring:{label}.{d}",
+                point=point,
+                place=place,
+                direction=d,
+                stiffness=0.0,
+                reference=reference[d],
+            )
+            for point, place, label, d in attachments(model)
+            if (point, d) not in driven
+        )
+
+
+def attachments(model: Model) -> Iterator[tuple[int, str, str, str]]:
+    """Yield points, their places and labels, and directions in which something may lead to the ground.
+
+    Translations of members' ends and of inner joints, and directions that supports leave free. Not
+    directions that are fixed, nor where a joint leads to the ground: its stiffness is a candidate there. Of
+    the two sides of a rigid joint one is enough where they lie at the same place: elsewhere the one turns
+    about the other.
+    """
+    if not model.of_kind(Frame):
+        return
+    fixed = fixed_directions(model)
+    grounded = {p.point1 for p in model.of_kind(PointPair) if p.point2 is None}
+    rigid = [j for j in model.of_kind(Joint) if len(j.rigid) == len(DIRECTIONS)]
+    at, near = model.mesh.points, TOGETHER * model.mesh.size
+    other_sides = {
+        j.point2 for j in rigid if j.point2 is not None and np.linalg.norm(at[j.point1] - at[j.point2]) < near
+    }
+    supports = {s.point for s in model.of_kind(Support)}
+    for point, place, label in fastening_places(model):
+        if point in grounded or point in other_sides:
+            continue
+        for d in DIRECTIONS if point in supports else DIRECTIONS[:3]:
+            if d not in fixed.get(point, ()):
+                yield point, place, label, d
 
 
 def _driven(test: Instruments) -> set[tuple[int, str]]:

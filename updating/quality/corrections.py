@@ -15,8 +15,8 @@ FAULTS = ("sign", "gain", "delay", "swap", "tilt", "position")
 """Faults that a sensor or an excitation may have. Of two that explain its readings equally well, the first in
 this list is reported."""
 
-UNLIKE_EFFECTS = tuple(f"{of}_{fault}" for of in CHANNELS for fault in ("sign", "delay", "swap"))
-"""Kinds of faults that no effect on the structure resembles."""
+UNLIKE_EFFECTS = tuple(f"{of}_{fault}" for of in CHANNELS for fault in ("sign", "swap"))
+"""Kinds of faults that no effect on the structure resembles; a damper at a driven point resembles a delay."""
 
 
 def log_odds_against(n_channels: int) -> float:
