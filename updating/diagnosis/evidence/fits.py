@@ -71,6 +71,10 @@ class Fits(Generic[P]):
         """Whether a hypothesis is so far from the data that uncertain parameters may be bent, or they are."""
         return h.fitted.level > FAR * self.floor or self.is_bent(h)
 
+    def is_near(self, h: Hypothesis) -> bool:
+        """Whether a hypothesis explains the data with uncertain parameters that are plausible."""
+        return h.fitted.level <= FAR * self.floor and self.problem.strain(h.fitted) <= FAR_STD
+
     def is_bent(self, h: Hypothesis) -> bool:
         """Whether uncertain parameters of a model without effects are implausibly far from nominal."""
         return not h.effects and self.problem.strain(h.fitted) > FAR_STD

@@ -78,6 +78,10 @@ class Damped:
     result: FitResult
     # By decay rate: the second stage is looked at, too.
     _known: dict[float, FitProblem | None] = field(default_factory=dict, init=False, repr=False)
+    # By decay rate and effects: the most promising ones are tried before all others.
+    trials: dict[tuple[float, frozenset[str]], "HalvingTrial | None"] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @classmethod
     def of(cls, problem: Problem[Any], result: FitResult, *, bent: bool) -> "Damped | None":
@@ -174,7 +178,7 @@ def halved(
     for number, stage in enumerate(STAGES):
         damped_problem = damped.at(stage.share)
         if damped_problem is not None:
-            best = _tried(damped_problem, workers, stage, sorts)
+            best = _tried(damped, damped_problem, workers, stage, sorts)
             sorts = {sort: [t.candidate for t in trials] for sort, trials in best.items()}
         if number == 0:
             first = [t.candidate for t in best.get("block", ())][:N_PAIRED]
@@ -190,15 +194,19 @@ def _together(one: Candidate, two: Candidate, n_base: int) -> Candidate:
 
 
 def _tried(
-    problem: FitProblem, workers: Workers, stage: HalvingStage, sorts: Mapping[str, Sequence[Candidate]]
+    damped: Damped,
+    problem: FitProblem,
+    workers: Workers,
+    stage: HalvingStage,
+    sorts: Mapping[str, Sequence[Candidate]],
 ) -> dict[str, list[HalvingTrial]]:
     """Return the candidates of each sort that go on, the best first."""
-    every = [(sort, c) for sort, candidates in sorts.items() for c in candidates]
-    trials = workers.map(_fitted, (problem, stage), [c for _, c in every])
-    out: dict[str, list[HalvingTrial]] = {sort: [] for sort in sorts}
-    for (sort, _), trial in zip(every, trials, strict=True):
-        if trial is not None:
-            out[sort].append(trial)
+    keys = {sort: [(stage.share, key_of(c[0])) for c in candidates] for sort, candidates in sorts.items()}
+    every = {key: c for sort in sorts for key, c in zip(keys[sort], sorts[sort], strict=True)}
+    new = [key for key in every if key not in damped.trials]
+    fitted = workers.map(_fitted, (problem, stage), [every[key] for key in new])
+    damped.trials.update(zip(new, fitted, strict=True))
+    out = {sort: [t for key in keys[sort] if (t := damped.trials[key])] for sort in sorts}
     for sort, there in out.items():
         there.sort(key=lambda t: t.cost)
         near, twins = (

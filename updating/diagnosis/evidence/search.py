@@ -58,6 +58,8 @@ LEAST_SHORT = 3
 """Number of short fits beside a hypothesis that explains the data, where the looks promise nothing."""
 MOST_PROMISED = 24
 """Most candidates that are fitted because they promise to be twins of the best hypothesis."""
+N_PROMISING = 4
+"""Number of connections, and of other effects, that are tried from afar before all others."""
 N_TOLD = 2
 """Number of places that are named while the search goes on."""
 BEAM_NATS = 20.0
@@ -371,16 +373,8 @@ class Search(Generic[P]):
         Those that are simplified to one in ``visited`` stay as they are.
         """
         free, kept, far = self.fits.free(base), values_of(base.effects), self.fits.is_far(base)
-        damped = Damped.of(free, base.fitted, bent=self.fits.is_bent(base)) if far else None
-        looked = damped.for_look() if damped else None
         now = self.fits.quickly(free, base, base.effects, kept).score
-        if damped and looked:
-            trials = self.from_afar(base, damped, looked)
-            tried = self.workers.map(_ended, (self.fits, free, base), trials)
-            if self.explains(base):  # its form may be as far from nominal as it is fitted
-                tried += self.from_near(base, free, now, far=False)
-        else:
-            tried = self.from_near(base, free, now, far=far)
+        tried = self.tried_beside(base, free, now, far=far)
         best = {h.key: h for h in sorted(tried, key=lambda h: h.score)}
         tried = sorted(best.values(), key=lambda h: -h.score)
         final = self.budget.n_final
@@ -397,21 +391,43 @@ class Search(Generic[P]):
             self._keep_behind(fitted[0][0], tried)
         return [h if less.key in visited else less for h, less in fitted if h.key not in visited]
 
+    def tried_beside(self, base: Hypothesis, free: P, now: float, *, far: bool) -> list[Hypothesis]:
+        """Return hypotheses that extend another one, fitted on few lines.
+
+        From afar one way to the data is enough: near them looks tell what else would do.
+        """
+        damped = Damped.of(free, base.fitted, bent=self.fits.is_bent(base)) if far else None
+        looked = damped.for_look() if damped else None
+        if damped is None or looked is None:
+            return self.from_near(base, free, now, far=far)
+        # What explains the data with a form far from nominal may be as far as it is fitted.
+        out = self.from_near(base, free, now, far=False) if self.explains(base) else []
+        ways = self.from_afar(base, damped, looked)
+        while not any(h.score > now + TWIN_NATS and self.fits.is_near(h) for h in out):
+            if (trials := next(ways, None)) is None:
+                break
+            out += self.workers.map(_ended, (self.fits, free, base), trials)
+        return out
+
     def _keep_behind(self, best: Hypothesis, tried: Sequence[Hypothesis]) -> None:
         """Keep what was fitted on few lines alone, as far behind the best as there."""
         few = {h.key: h for h in tried}
         for key, h in few.items():
             self.known.setdefault(key, h.at_score(best.score + h.score - few[best.key].score))
 
-    def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> list[HalvingTrial]:
-        """Return candidates that damped FRFs ask for, the best of each sort."""
+    def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> Iterator[list[HalvingTrial]]:
+        """Yield candidates that damped FRFs ask for: the best of the most promising, then of all others."""
         kept, now = values_of(base.effects), base.fitted
+        order = [s.places[0].parent for s in self.scan(now) if len(s.places) == 1]
         if not base.effects:
             self._keep_scan(self.scan(now))
             now = damped.problem.far_start(now)
         compatible = self.compatible_with(base.effects)
         springs = self.springs(key_of(compatible))
-        blocks = [((*base.effects, *b), Start((*kept, *self.amid(b)), now)) for b in springs.values()]
+        parents = [*dict.fromkeys(p for p in order if p in springs), *(p for p in springs if p not in order)]
+        blocks = [
+            ((*base.effects, *springs[p]), Start((*kept, *self.amid(springs[p])), now)) for p in parents
+        ]
         others = [e for e in compatible if not _is_spring(e)]
         screened = self.fits.ranking.screened(looked, now, others, lambda e: False)
         singles = [
@@ -419,7 +435,12 @@ class Search(Generic[P]):
             for s in screened[: self.budget.n_singles]
         ]
         self.tell(f"comparing {len(blocks)} connections and {len(singles)} of {len(others)} other effects")
-        return halved(damped, self.workers, blocks, singles)
+        first = halved(damped, self.workers, blocks[:N_PROMISING], singles[:N_PROMISING])
+        yield first
+        known = {key_of(t.candidate[0]) for t in first}
+        yield [
+            t for t in halved(damped, self.workers, blocks, singles) if key_of(t.candidate[0]) not in known
+        ]
 
     def amid(self, block: Sequence[Effect]) -> Values:
         """Return values in the middle of the effects' grids."""
