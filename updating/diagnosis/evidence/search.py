@@ -383,8 +383,9 @@ class Search(Generic[P]):
         tried = tried[: self.budget.n_full]
         for h in tried:
             self.say(f"   {h.score:9.1f} {h.fitted.level:.4f} {h.name}")
-        # Few lines say less than all, but not so much less.
-        behind = (BEAM_NATS if k < final else 2 * TWIN_NATS for k in range(len(tried)))
+        # Few lines say less than all, but not so much less; what is far from the data may still move.
+        there = bool(tried) and self.fits.is_near(tried[0])
+        behind = (BEAM_NATS if k < final and not there else 2 * TWIN_NATS for k in range(len(tried)))
         near = [h for h, most in zip(tried, behind, strict=True) if h.score >= tried[0].score - most]
         fitted = [(h, self.simplified(h)) for h in self.all_full(near, anew=far)]
         if fitted:
@@ -466,10 +467,10 @@ class Search(Generic[P]):
         self.tell(f"looking at {len(self.candidates)} {what}")
         quick = self.fits.problems(base)[0] if far else free
         kept = values_of(base.effects)
-        proposals = sorted(self.proposals(base, quick, far=far), key=lambda p: -p.worth)
+        settled = self.settled(base) or (self.explains(base) and not far)
+        proposals = sorted(self.proposals(base, quick, far=far, settled=settled), key=lambda p: -p.worth)
         # Fits that begin where uncertain parameters stand for what is missing stay there.
         near = free.far_start(base.fitted) if far else None
-        settled = self.settled(base)
         # Beside what explains the data all is nearly linear: fits reach what the looks promise.
         behind = TWIN_NATS if settled else 2 * TWIN_NATS
         best = now if self.explains(base) else -np.inf
@@ -547,13 +548,9 @@ class Search(Generic[P]):
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
             compatible = self.compatible_with(rest)
-            near = [
-                c
-                for c in compatible
-                if c.name != e.name and (anywhere or near_to(c) & near_to(e) or c.kind == e.kind)
-            ]
             last = replace(result, effects=(*rest, e))
-            found = self.fits.ranking.rivals(free, last, near, self.budget.n_rivals)
+            elsewhere = [c for c in compatible if c.name != e.name]
+            found = self.fits.ranking.rivals(free, last, elsewhere, self.budget.n_rivals)
             others += [((*rest, s.effect), (*values_of(rest), *s.starts[0].values)) for s in found]
             contained = [c for c in compatible if covers(e, c)]
             others += [((*rest, c), (*values_of(rest), e.contains[c.kind](e))) for c in contained]
@@ -610,17 +607,17 @@ class Search(Generic[P]):
 
     # proposals ----------------------------------------------------------------------------------------------
 
-    def proposals(self, base: Hypothesis, quick: P, *, far: bool) -> list[NextHypotheses]:
-        """Return effects that may be added."""
+    def proposals(self, base: Hypothesis, quick: P, *, far: bool, settled: bool) -> list[NextHypotheses]:
+        """Return effects that may be added to a hypothesis, ``settled`` where it explains the data."""
         current = base.fitted
         ranked: tuple[Scanned, ...] = ()
         # Near FRFs what small changes gain says enough of where to look.
-        if far or not (base.effects or self.settled(base)) or not self.fits.ranking.precise_looks:
+        if far or not (base.effects or settled) or not self.fits.ranking.precise_looks:
             ranked = self.scan(current)
             self.say("scan: " + "; ".join(f"{s.name} {s.residual_ratio:.3f}" for s in ranked[:6]))
         if not base.effects:
             self._keep_scan(ranked)
-        compatible, settled = self.compatible_with(base.effects), self.settled(base)
+        compatible = self.compatible_with(base.effects)
         singles = [s for s in ranked if len(s.places) == 1]
         now = self.fits.without_fixed(base) if far else current
         parents = list(dict.fromkeys(s.places[0].parent for s in singles))[: self.budget.n_places]
