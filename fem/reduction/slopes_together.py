@@ -102,7 +102,7 @@ def together(parts: Sequence[SlopePart], ranges: Ranges) -> list[SlopesTogether]
         term, matrices, along = group[0][2], np.array([X for *_, X in group]), None
         if term is not None and term.L is not None:
             matrices, along = _on_range(key, term.L, matrices, ranges)
-        size = np.abs(matrices).max(axis=(1, 2))
+        size = np.abs(matrices).max(axis=(1, 2), initial=1e-300)
         single = (matrices / size[:, None, None]).astype(np.float32)
         single[np.abs(single) < TINY] = 0.0
         rows = np.array([i for i, *_ in group])

@@ -77,11 +77,10 @@ def test_a_fault_stays_one_where_no_effect_does_the_same(tmp_path, monkeypatch):
 
 
 def test_a_fault_that_the_data_do_not_have_is_withdrawn_at_the_end(tmp_path, monkeypatch):
-    """It resembles no effect, so that the data are read in one way."""
+    """A damper at a driven point resembles a delay, so that the data are read in both ways."""
     delay = Fault("sensor_delay", "K", 2e-5, 1e-6, "s", span=4e-3)
     found = diagnosed(*asked(tmp_path, 0.25), monkeypatch, delay)
-    assert found.searched.otherwise == ()
-    assert found.searched.faults == (delay,)
+    assert len(found.searched.otherwise) == 1
     assert found.verdict == EFFECT
     assert found.faults == ()
 

@@ -182,7 +182,7 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(monkeypatch, far, expl
     )
     search.known, search.promised = {base.key: base}, {}
     new = module.NextHypotheses(tuple(Given("a", 0.0).effects), [Start({}, None)], 5.0, False)
-    monkeypatch.setattr(Search, "proposals", lambda self, base, quick, far: [new])
+    monkeypatch.setattr(Search, "proposals", lambda self, base, quick, far, settled: [new])
     monkeypatch.setattr(Search, "settled", lambda self, h: explains)
     monkeypatch.setattr(Search, "explains", lambda self, h: explains)
     search.from_near(base, SimpleNamespace(far_start=lambda fitted: None), now=0.0, far=far)
@@ -190,36 +190,46 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(monkeypatch, far, expl
 
 
 @pytest.mark.parametrize(
-    ("far", "explains", "ways"),
+    ("far", "explains", "near", "ways"),
     [
-        (True, True, ["afar", "near its form"]),
-        (True, False, ["afar"]),
-        (False, True, ["near its form"]),
+        (True, True, [], ["near its form", "first", "others"]),
+        (True, True, ["near its form"], ["near its form"]),
+        (True, False, ["first"], ["first"]),
+        (True, False, [], ["first", "others"]),
+        (False, True, [], ["near its form"]),
     ],
 )
-def test_beside_a_bent_model_that_explains_the_data_its_own_form_is_kept_too(
-    monkeypatch, far, explains, ways
-):
-    """With the nominal form alone a mass of 53 g, worth 80 nats, was "nothing missing"."""
+def test_a_search_from_afar_ends_where_one_way_leads_to_the_data(monkeypatch, far, explains, near, ways):
+    """A bent model that explains the data keeps its form: without, 53 g worth 80 nats were "nothing"."""
     went, base = [], Given("", 0.0)
     search = object.__new__(Search)
     search.fits = SimpleNamespace(
-        free=lambda h: None, is_far=lambda h: far, is_bent=lambda h: far, quickly=lambda *a: Given("", 0.0)
+        free=lambda h: None,
+        is_far=lambda h: far,
+        is_bent=lambda h: far,
+        is_near=lambda h: h.name in near,
+        quickly=lambda *a: Given("", 0.0),
     )
     search.workers, search.budget, search.known = ALONE, NORMAL, {}
+
+    def tried(name):
+        went.append(name)
+        return [SimpleNamespace(name=name, score=10.0)]
+
+    def from_afar(self, *a):
+        for name in ("first", "others"):
+            yield tried(name)
+
     seen = SimpleNamespace(for_look=lambda: "damped")
     monkeypatch.setattr(module, "Damped", SimpleNamespace(of=lambda *a, **k: seen))
+    monkeypatch.setattr(module, "_ended", lambda shared, trial: trial)
     monkeypatch.setattr(Search, "explains", lambda self, h: explains)
-    monkeypatch.setattr(Search, "settled", lambda self, h: True)
-    monkeypatch.setattr(Search, "all_full", lambda self, near, *, anew: [])
-    monkeypatch.setattr(Search, "from_afar", lambda self, *a: went.append("afar") or [])
+    monkeypatch.setattr(Search, "from_afar", from_afar)
     monkeypatch.setattr(
-        Search,
-        "from_near",
-        lambda self, *a, far: went.append("near nominal" if far else "near its form") or [],
+        Search, "from_near", lambda self, *a, far: tried("near nominal" if far else "near its form")
     )
-    assert search.extended(base, set()) == []
-    assert went == ways
+    found = search.tried_beside(base, SimpleNamespace(), 0.0, far=far)
+    assert [h.name for h in found] == went == ways
 
 
 def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
@@ -242,7 +252,7 @@ def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
         module.NextHypotheses(tuple(Given(k, 0.0).effects), [Start({}, None)] if w > 0 else [], w, False)
         for k, w in looks.items()
     ]
-    monkeypatch.setattr(Search, "proposals", lambda self, base, quick, far: asked)
+    monkeypatch.setattr(Search, "proposals", lambda self, base, quick, far, settled: asked)
     monkeypatch.setattr(Search, "settled", lambda self, h: True)
     monkeypatch.setattr(Search, "explains", lambda self, h: True)
     search.from_near(base, SimpleNamespace(), now=0.0, far=False)
@@ -275,12 +285,8 @@ def test_candidates_beside_what_explains_the_data_share_the_posterior(monkeypatc
     assert {p.effects[0].name: p.score for p in search.promises()} == promised
 
 
-@pytest.mark.parametrize(
-    ("explains", "tried"), [(True, ["near", "alike"]), (False, ["near", "alike", "other"])]
-)
-def test_an_effect_is_swapped_for_one_of_another_kind_elsewhere_while_nothing_explains_the_data(
-    monkeypatch, explains, tried
-):
+def test_an_effect_may_be_swapped_for_any_other(monkeypatch):
+    """From afar the first way to the data is taken: rivals elsewhere were not tried."""
     asked = []
 
     def rivals(free, last, candidates, n_best):
@@ -300,7 +306,7 @@ def test_an_effect_is_swapped_for_one_of_another_kind_elsewhere_while_nothing_ex
         score=1.0,
         fitted=result,
     )
-    monkeypatch.setattr(Search, "explains", lambda self, best: explains)
+    monkeypatch.setattr(Search, "explains", lambda self, best: True)
     monkeypatch.setattr(Search, "on_few_lines", lambda self, free, h, others: (h, []))
     search = object.__new__(Search)
     search.budget, search._n_fits, search.tell = NORMAL, Counter(), print
@@ -308,7 +314,7 @@ def test_an_effect_is_swapped_for_one_of_another_kind_elsewhere_while_nothing_ex
     search.fits = SimpleNamespace(free=lambda h: None, ranking=SimpleNamespace(rivals=rivals))
     search.workers = ALONE
     assert search.swapped(h) is h
-    assert asked == [tried]
+    assert asked == [["near", "alike", "other"]]
 
 
 def test_springs_side_by_side_at_one_constraint_are_no_hypothesis():
