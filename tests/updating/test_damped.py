@@ -145,7 +145,7 @@ def test_the_covariance_tells_which_directions_a_block_does_not_need(soft):
     search, base, hidden = soft
     free = search.fits.free(base)
     block = [e for e in search.candidates if e.name.startswith("support_flexibility:S1.r")]
-    start = [hidden if e.name == hidden.name else e.with_values(**search.amid([e])[0]) for e in block]
+    start = [hidden if e.name == hidden.name else e.with_values(**search.amid([e])[1][0]) for e in block]
     h = search.fits.from_result(free, base.fitted, start, values_of(start), 16)
     names = [e.name for e in h.effects]
     gains = dict(zip(names, gains_without(free, h, [{n} for n in names], search.fits.odds), strict=True))

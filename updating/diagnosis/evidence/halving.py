@@ -23,6 +23,7 @@ from updating.inference.damped import DampedFrfs
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
+from updating.inference.frf_function import FrfFunction
 from updating.inference.problem import Problem
 from updating.inference.workers import Workers
 
@@ -61,7 +62,8 @@ N_SOUND = 24
 """Lines at which damped FRFs of a model are compared with the sum over its lines."""
 N_PAIRED = 3
 """Number of the best blocks of which pairs are made."""
-Candidate = tuple[tuple[Effect, ...], Start]
+Candidate = tuple[tuple[Effect, ...], tuple[Start, ...]]
+"""Effects, and where their fit may begin: where they leave least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +157,7 @@ class HalvingTrial:
     def candidate(self) -> Candidate:
         """The effects, and a start where they are."""
         effects = self.result.effects
-        return effects, Start(values_of(effects), self.result)
+        return effects, (Start(values_of(effects), self.result),)
 
 
 def halved(
@@ -168,7 +170,7 @@ def halved(
     damped : Damped
         With all that may vary, and what the candidates stand beside; its effects are the first of each.
     workers : Workers
-    blocks, singles : sequence of (tuple of Effect, Start)
+    blocks, singles : sequence of (tuple of Effect, tuple of Start)
         Springs of whole connections, and effects that were looked at before: these begin at the second
         stage. Pairs of the best blocks join them there.
     """
@@ -189,8 +191,8 @@ def halved(
 
 def _together(one: Candidate, two: Candidate, n_base: int) -> Candidate:
     """Return two blocks together, each found with the same base."""
-    (a, start), (b, more) = one, two
-    return (*a, *b[n_base:]), Start((*start.values, *more.values[n_base:]), start.near)
+    (a, (start, *_)), (b, (more, *_)) = one, two
+    return (*a, *b[n_base:]), (Start((*start.values, *more.values[n_base:]), start.near),)
 
 
 def _tried(
@@ -220,17 +222,25 @@ def _tried(
 
 def _fitted(shared: tuple[FitProblem, HalvingStage], candidate: Candidate) -> HalvingTrial | None:
     """Return a fit; None where there is no structure: more mass taken away than there is."""
-    (problem, stage), (effects, start) = shared, candidate
-    problem = with_forces(problem, effects, start.values)
-    function = problem.function(effects, start.values, problem.lines_up_to(np.inf, stage.n_lines))
+    (problem, stage), (effects, starts) = shared, candidate
     try:
-        solution = function.minimise(
-            function.moved_to(start.near),
-            np.inf,
-            stage.n_steps,
-            counted_as=FULL_LINES,
-            tolerance=ROUGH_NATS,
-        )
+        function, x = min((_begun(problem, stage, effects, start) for start in starts), key=_misfit)
+        solution = function.minimise(x, np.inf, stage.n_steps, counted_as=FULL_LINES, tolerance=ROUGH_NATS)
     except np.linalg.LinAlgError:
         return None
     return HalvingTrial(function.result(solution), solution.cost)
+
+
+def _begun(
+    problem: FitProblem, stage: HalvingStage, effects: tuple[Effect, ...], start: Start
+) -> tuple[FrfFunction, NDArray[np.float64]]:
+    """Return the residuals of effects on the lines of a stage, and where they begin."""
+    problem = with_forces(problem, effects, start.values)
+    function = problem.function(effects, start.values, problem.lines_up_to(np.inf, stage.n_lines))
+    return function, function.moved_to(start.near)
+
+
+def _misfit(begun: tuple[FrfFunction, NDArray[np.float64]]) -> float:
+    """Return the mean square of the residuals at a start."""
+    function, x = begun
+    return float(function.misfit(x).mean())

@@ -27,7 +27,7 @@ from updating.diagnosis.evidence.fits import (
     around,
     with_forces,
 )
-from updating.diagnosis.evidence.halving import Damped, HalvingTrial, halved
+from updating.diagnosis.evidence.halving import Candidate, Damped, HalvingTrial, halved
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
     Odds,
@@ -70,8 +70,8 @@ SPRING_UNITS = ("N/m", "N·m/rad", "rad/(N·m)")
 """Units of the parameter of a spring."""
 BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
-AMID = 0.4
-"""Springs of a connection begin at this place of their grids, from the stiffest [-]."""
+AMID = (0.2, 0.4, 0.6, 0.8)
+"""Springs of a connection begin at one of these places of their grids, from where they do least [-]."""
 Say = Callable[[str], None]
 
 
@@ -173,7 +173,7 @@ def _onward(shared: tuple[Fits[P], P], item: Hypothesis) -> Hypothesis:
 
 
 def _ended(shared: tuple[Fits[P], P, Hypothesis], item: HalvingTrial) -> Hypothesis:
-    (fits, problem, base), (effects, start) = shared, item.candidate
+    (fits, problem, base), (effects, (start,)) = shared, item.candidate
     ended = fits.from_result(problem, start.near, effects, start.values, MOST_STEPS)
     return fits.pruned(problem, ended, base)
 
@@ -427,26 +427,34 @@ class Search(Generic[P]):
         springs = self.springs(key_of(compatible))
         parents = [*dict.fromkeys(p for p in order if p in springs), *(p for p in springs if p not in order)]
         blocks = [
-            ((*base.effects, *springs[p]), Start((*kept, *self.amid(springs[p])), now)) for p in parents
+            ((*base.effects, *springs[p]), tuple(Start((*kept, *v), now) for v in self.amid(springs[p])))
+            for p in parents
         ]
         others = [e for e in compatible if not _is_spring(e)]
-        screened = self.fits.ranking.screened(looked, now, others, lambda e: False)
-        singles = [
-            ((*base.effects, s.effect), Start((*kept, *s.starts[0].values), now))
-            for s in screened[: self.budget.n_singles]
-        ]
-        self.tell(f"comparing {len(blocks)} connections and {len(singles)} of {len(others)} other effects")
-        first = halved(damped, self.workers, blocks[:N_PROMISING], singles[:N_PROMISING])
-        yield first
-        known = {key_of(t.candidate[0]) for t in first}
-        yield [
-            t for t in halved(damped, self.workers, blocks, singles) if key_of(t.candidate[0]) not in known
-        ]
+        self.tell(f"comparing {len(blocks)} connections and {len(others)} other effects")
+        known = set[frozenset[str]]()
 
-    def amid(self, block: Sequence[Effect]) -> Values:
-        """Return values in the middle of the effects' grids."""
-        grids = (sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in block)
-        return tuple(g[int(AMID * (len(g) - 1))] for g in grids)
+        def best_of(blocks: Sequence[Candidate], singles: Sequence[Candidate]) -> list[HalvingTrial]:
+            trials = halved(damped, self.workers, blocks, singles)
+            new = [t for t in trials if key_of(t.candidate[0]) not in known]
+            known.update(key_of(t.candidate[0]) for t in new)
+            return new
+
+        # Little of an effect may say nothing of much of it: then all are looked at.
+        singles: list[Candidate] = []
+        for is_listed in (False, True):
+            screened = self.fits.ranking.screened(looked, now, others, lambda e, all=is_listed: all)
+            singles = [
+                ((*base.effects, s.effect), (Start((*kept, *s.starts[0].values), now),))
+                for s in screened[: self.budget.n_singles]
+            ]
+            yield best_of(blocks[:N_PROMISING], singles[:N_PROMISING])
+        yield best_of(blocks, singles)
+
+    def amid(self, block: Sequence[Effect]) -> list[Values]:
+        """Return values amid the effects' grids: what one structure hardly feels decides another."""
+        grids = [sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in block]
+        return [tuple(g[int(share * (len(g) - 1))] for g in grids) for share in AMID]
 
     def springs(self, names: Set[str]) -> dict[str, tuple[Effect, ...]]:
         """Return the springs of each connection in all directions, of the effects with given names."""
