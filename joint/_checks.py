@@ -14,9 +14,6 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
 
-PRODUCTS_FROM_RHS_RATIO = 4
-"""Right-hand sides for each unknown from which products cost less than triangular solutions [-]."""
-
 _Array = TypeVar("_Array", bound=npt.NDArray[Any])
 
 
@@ -135,7 +132,8 @@ def solve_lines(A: ComplexArray, B: ComplexArray) -> ComplexArray:
     With many columns the inverse and one step of refinement give the solution in less time: LAPACK's
     triangular solutions of small matrices are slow, and products are not.
     """
-    if B.shape[-1] <= PRODUCTS_FROM_RHS_RATIO * A.shape[-1]:
+    # Right-hand sides for each unknown from which products cost less than triangular solutions [-]
+    if B.shape[-1] <= 4 * A.shape[-1]:
         return np.asarray(np.linalg.solve(A, B), dtype=complex)
     inverse = np.linalg.inv(A)
     X = inverse @ B

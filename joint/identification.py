@@ -29,9 +29,6 @@ AMPLIFICATION_LIMIT = 1e-9 / ROUNDING
 _FEW_DIGITS = 1e-11
 """Part of a sum of squares below which a difference from another has lost more than 11 of its digits [-]."""
 
-_FEW_INPUTS = 48
-"""Inputs that tell how small a residual below 3e-6 is."""
-
 
 class JointIdentificationError(ValueError):
     """A joint that the given receptances cannot determine; the message names the reason."""
@@ -472,7 +469,8 @@ def project_lines(problem: ScaledProblem) -> Projection:
 
 def _small_rest(C: ComplexArray, Q: ComplexArray, QC: ComplexArray) -> float:
     """Return ‖C - Q Qᴴ C‖² / ‖C‖² of evenly spread columns, without a difference of squares."""
-    for step in (max(1, C.shape[1] // _FEW_INPUTS), 1):
+    # Inputs that tell how small a residual below 3e-6 is
+    for step in (max(1, C.shape[1] // 48), 1):
         some = np.ascontiguousarray(C[:, ::step])
         if size := _square(some):
             some -= Q @ QC[:, ::step]

@@ -88,8 +88,6 @@ CLICKED = """(e) => {
   emit({marks, touched: {name, point, depth: seen(point)[2]}});
 }"""
 """Sends the marks of the model with their distances on the screen from a click [pixel] and their depths."""
-TICK = 0.2
-"""Seconds between two looks at running jobs [s]."""
 MODEL_HEIGHT = 400
 """[pixel]."""
 
@@ -141,7 +139,8 @@ class Page:
                 self._map_card()
                 self.sensors = SensorList(desk, self.act)
                 self.plan_view = PlanView(desk, self.searches.start)
-        ui.timer(TICK, self._look_at_jobs)
+        # Seconds between two looks at running jobs [s]
+        ui.timer(0.2, self._look_at_jobs)
         Keys({"undo": self._undo, "redo": self._redo, "save": self._save_dialog})
         self._tell_notes()
         self._show_numbers(self.desk.shown)

@@ -27,8 +27,6 @@ FIRST_OF_PART = 900_001
 """First number of cards for a model whose numbers are not known."""
 COINCIDENT = 1e-9
 """Length of an arm below which there is none, in parts of the structure's size [-]."""
-DECIMALS = 12
-"""Of the coefficients of equations, without rounding of the solution."""
 INDEPENDENT = 1e-9
 """Part of the largest pivot below which an equation follows from others [-]."""
 
@@ -321,7 +319,8 @@ def _solved(
         raise MeshError(msg)
     pivots = np.flatnonzero(free)[order[:rank]]
     rows = np.linalg.solve(R[:rank, :rank], turned[:rank])
-    rows = np.round(rows, DECIMALS)
+    # Of the coefficients of equations, without rounding of the solution
+    rows = np.round(rows, 12)
     for p, row in zip(pivots, rows, strict=True):
         others = [j for j in np.flatnonzero(row) if j != p]
         yield ((*keys[p], 1.0), *((*keys[j], float(row[j])) for j in others))

@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF
 from updating.measurement.measurement import Measurement, at_one_place
 
-ANTICAUSAL_RATIO = 2.0
-"""Energy of one direction of time over that of the other beyond which the direction is certain [-]."""
 ANTICAUSAL_DEVIATIONS = 5.0
 """The same in standard deviations of the logarithm of the ratio of noise."""
 QUADRATURE = 0.5
@@ -80,9 +78,8 @@ class PhaseEvidence:
     @property
     def direction(self) -> NDArray[np.float64]:
         """1 where an FRF is certainly causal, -1 where it surely runs backwards, 0 where nobody knows."""
-        known = (np.abs(self.deviations) > ANTICAUSAL_DEVIATIONS) & (
-            np.abs(self.log_ratio) > np.log(ANTICAUSAL_RATIO)
-        )
+        # Energy of one direction of time over that of the other beyond which the direction is certain [-]
+        known = (np.abs(self.deviations) > ANTICAUSAL_DEVIATIONS) & (np.abs(self.log_ratio) > np.log(2.0))
         return np.where(known, np.sign(self.log_ratio), 0.0)
 
     @property

@@ -29,8 +29,6 @@ The sizes are an estimate that is a factor of two off at worst, as checks have s
 """
 MANY, SIZES = 60, (6, 4)
 """Number of marks above which they are small; sizes [pixel]."""
-SAME_POINT = 1e-3
-"""Points nearer to each other than this share of the structure's size have one mark [-]."""
 BLIND = style.VERMILION
 """Where the test shows no plausible size."""
 
@@ -162,8 +160,9 @@ class _Kind:
             if kind == "member" and not any(p.position for p in o.relevant.parameters()):
                 spots = [members.setdefault(name.removeprefix("member "), _Spot(np.full(3, np.nan), [], []))]
             else:
+                # Points nearer to each other than this share of the structure's size have one mark [-]
                 keyed = (
-                    (tuple(np.round(at / (SAME_POINT * model.mesh.size)).astype(int).tolist()), at)
+                    (tuple(np.round(at / (1e-3 * model.mesh.size)).astype(int).tolist()), at)
                     for at in o.relevant.locations(model)
                 )
                 spots = [marks.setdefault(key, _Spot(at, [], [])) for key, at in keyed]
