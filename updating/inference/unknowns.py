@@ -13,8 +13,6 @@ from updating.inference.parameters import Nuisance, refuse_constraining
 WIDTH = 0.2
 """Assumed error of a parameter without a prior, where a scale is needed: relative, or of its scale [-]."""
 
-_LARGEST_STD = 300.0
-"""Deviation of a logarithm beyond which half the width of an interval is no floating-point number [-]."""
 
 NUISANCE_REACH = 4.0
 """Bounds of nuisance parameters, in standard deviations of their priors [-]."""
@@ -182,7 +180,8 @@ class ScaledUnknown:
         For small deviations that is |dθ/dx| std; of a stiffness that may be anything the first order would
         say that it is known to a few times its value.
         """
-        return float(np.exp(x) * np.sinh(min(std, _LARGEST_STD))) if self.log else abs(self.scale) * std
+        # Deviation of a logarithm beyond which half the width of an interval is no floating-point number [-]
+        return float(np.exp(x) * np.sinh(min(std, 300.0))) if self.log else abs(self.scale) * std
 
     def deviations(self, x: float, std: float) -> dict[ParameterRef, float]:
         """Return the deviations of all parameters that it moves, as :meth:`deviation`."""
