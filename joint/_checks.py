@@ -24,6 +24,19 @@ def frozen_copy(array: _Array) -> _Array:
     return copy
 
 
+def checked_noise(noise: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """Return noise as a relative number, or as absolute values of a shape."""
+    level = np.asarray(noise, dtype=float)
+    if not (np.isfinite(level).all() and (level > 0).all()):
+        msg = "the noise must be positive and finite: relative as a number, or absolute as an array"
+        raise ValueError(msg)
+    try:
+        return level if level.ndim == 0 else np.broadcast_to(level, shape)
+    except ValueError as error:
+        msg = f"noise has shape {level.shape}; a number or an array that broadcasts to {shape} is needed"
+        raise ValueError(msg) from error
+
+
 def as_frequency(frequency: npt.ArrayLike) -> FloatArray:
     """Return frequency lines as a 1-D float array [Hz], finite, non-negative and increasing."""
     lines = np.atleast_1d(np.asarray(frequency, dtype=float))

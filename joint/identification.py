@@ -18,6 +18,7 @@ from joint._checks import (
     as_shape,
     check_finite,
     check_same_lines,
+    checked_noise,
     frozen_copy,
     solve_lines,
 )
@@ -528,20 +529,8 @@ def _solve_lines(
 
 def _deviations(problem: ScaledProblem, z: ComplexArray, noise: npt.ArrayLike) -> list[ComplexArray]:
     """Return the deviations of W z Wᵀ and of z over the basis' own sizes."""
-    level = np.asarray(noise, dtype=float)
-    if not (np.isfinite(level).all() and (level > 0).all()):
-        msg = "the noise must be positive and finite: relative as a number, or absolute as an array"
-        raise ValueError(msg)
-    try:
-        sigma = (
-            level * np.abs(problem.H_nn) if level.ndim == 0 else np.broadcast_to(level, problem.H_nn.shape)
-        )
-    except ValueError as error:
-        msg = (
-            f"noise has shape {level.shape}; a number or an array that broadcasts to "
-            f"{problem.H_nn.shape} is needed"
-        )
-        raise ValueError(msg) from error
+    level = checked_noise(noise, problem.H_nn.shape)
+    sigma = level if level.ndim else level * np.abs(problem.H_nn)
     known = np.asarray(np.isfinite(z).all(axis=(1, 2)))
     z, Q, unit = z[known], problem.Q[known], np.eye(z.shape[1])
     B = solve_lines(unit + Q @ z, problem.R[known])

@@ -53,6 +53,14 @@ class Unknown:
     upper: float | None = None
     name: str = ""
 
+    def in_place_of(self, p: Parameter) -> tuple[bool, float, float, float, float]:
+        """Return whether a parameter varies by its logarithm, its mean, start, and lower and upper bound."""
+        log = p.log if not self.prior else self.prior == "log-normal"
+        mean = p.value if self.mean is None else self.mean
+        start = mean if self.start is None else self.start
+        lower = p.lower if self.lower is None else self.lower
+        return log, mean, start, lower, p.upper if self.upper is None else self.upper
+
 
 Uncertain = Nuisance | Unknown
 """What is uncertain in every fit of a problem."""
@@ -111,11 +119,7 @@ class ScaledUnknown:
     def of(cls, unknown: Unknown, parameters: Sequence[Parameter]) -> "ScaledUnknown":
         """Return an unknown of parameters; nothing is checked (see :func:`checked_unknowns`)."""
         p = parameters[0]
-        log = p.log if not unknown.prior else unknown.prior == "log-normal"
-        mean = p.value if unknown.mean is None else unknown.mean
-        start = mean if unknown.start is None else unknown.start
-        lower = p.lower if unknown.lower is None else unknown.lower
-        upper = p.upper if unknown.upper is None else unknown.upper
+        log, mean, start, lower, upper = unknown.in_place_of(p)
         # A parameter that is 0 has no size of its own: its bounds give one.
         reach = [abs(b) for b in (lower, upper) if np.isfinite(b) and b != 0]
         scale = 1.0 if log else abs(p.value) or (0.1 * max(reach) if reach else unknown.std or 1.0)
@@ -271,11 +275,7 @@ def _check(unknown: Unknown, known: Sequence[Parameter]) -> None:
     if unknown.std is not None and not unknown.std > 0:
         msg = f"the prior of '{label}' has the standard deviation {unknown.std}; it must be positive"
         raise ModelError(msg)
-    log = p.log if not unknown.prior else unknown.prior == "log-normal"
-    mean = p.value if unknown.mean is None else unknown.mean
-    start = mean if unknown.start is None else unknown.start
-    lower = p.lower if unknown.lower is None else unknown.lower
-    upper = p.upper if unknown.upper is None else unknown.upper
+    log, mean, start, lower, upper = unknown.in_place_of(p)
     if not np.isfinite([p.value, mean, start]).all() or (
         log and not (p.value > 0 and mean > 0 and start > 0)
     ):
