@@ -410,10 +410,8 @@ def _solve(system: System, b: NDArray[np.float64]) -> NDArray[np.float64]:
     return q + factor.solve(b - system.K @ q)
 
 
-def factor_stiffness(system: System, like: Factor | None = None) -> Factor:
+def factor_stiffness(system: System) -> Factor:
     """Factorise the stiffness of a supported structure.
-
-    The order of elimination of ``like``, of a matrix with the same pattern of entries, is used again.
 
     Raises
     ------
@@ -425,7 +423,7 @@ def factor_stiffness(system: System, like: Factor | None = None) -> Factor:
     K = system.K
     factor = None
     try:
-        factor = factorise(K, like)
+        factor = factorise(K)
         x = factor.solve(factor.solve(np.random.default_rng(0).standard_normal(system.n_free)))
     except SingularMatrixError:
         x = np.full(system.n_free, np.nan)

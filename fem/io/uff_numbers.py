@@ -163,9 +163,9 @@ def records(block: UffBlock, pattern: Sequence[Sequence[int]], first: int = 1) -
     return np.array([x for row in values for x in row]).reshape(-1, columns.sum())
 
 
-def line_of(block: UffBlock, position: int, n_lines: int, first: int = 1) -> str:
+def line_of(block: UffBlock, position: int, n_lines: int) -> str:
     """Return the place in the file of a record among those of ``n_lines`` lines each."""
-    full = [k for k, line in enumerate(block.body.split(b"\n"), start=1) if k >= first and line.strip()]
+    full = [k for k, line in enumerate(block.body.split(b"\n"), start=1) if line.strip()]
     return block.at(full[position * n_lines])
 
 

@@ -99,11 +99,11 @@ def _graph(A: Any, group: NDArray[np.int64]) -> sp.csr_array:
     return graph
 
 
-def _landmarks(graph: Any, n: int = 4) -> NDArray[np.int64]:
-    """Return distances in the graph from n nodes that are far from each other, shape (n, nodes)."""
+def _landmarks(graph: Any) -> NDArray[np.int64]:
+    """Return distances in the graph from four nodes that are far from each other, shape (4, nodes)."""
     distances: list[NDArray[np.int64]] = []
     at, nearest = 0, None
-    for k in range(n + 1):
+    for k in range(5):
         d = np.asarray(shortest_path(graph, method="D", unweighted=True, indices=at))
         reached = np.isfinite(d)
         d = np.where(reached, d, d[reached].max() + 2).astype(np.int64)

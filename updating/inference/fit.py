@@ -212,7 +212,6 @@ class FitProblem(FrfInputs, Problem[FitData]):
             fit_db=_rms(ratio.real[~held_out]),
             held_out_db=_rms(ratio.real[held_out]),
             level=self.level(ratio[~held_out], lines[~held_out]) if np.isnan(result.level) else result.level,
-            held_out_level=self.level(ratio[held_out], lines[held_out]),
             unseen=self._unseen(ratio[held_out], lines[held_out]),
         )
 

@@ -12,7 +12,7 @@ from fem.analysis.modes import Modes
 from fem.model import Model
 from viz import style
 from viz.interactive.solids import edge_rows, scene, solid, wires
-from viz.interactive.theme import binary, colour_scale, coordinates, layout, plain, single
+from viz.interactive.theme import binary, colour_bar, colour_scale, coordinates, layout, plain, single
 from viz.models import displacement_at, drawn_size, model_surface
 from viz.shapes import amplification, match_scale, real_shape
 from viz.surfaces import Surface
@@ -179,13 +179,7 @@ def _traces(
         colorscale=colour_scale(style.displacement_map()),
         showscale=True,
         hoverinfo="skip",
-        colorbar={
-            "title": {"text": "relative displacement [-]", "side": "right", "font": {"size": 11}},
-            "thickness": 10,
-            "len": 0.6,
-            "outlinewidth": 0,
-            "tickfont": {"size": 10},
-        },
+        colorbar=colour_bar("relative displacement [-]"),
         meta={"moves": "surface"},
     )
     traces = [ghost, moving]

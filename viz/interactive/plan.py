@@ -16,7 +16,7 @@ from updating.plan.plan import Outlook
 from updating.plan.visibility import size_of
 from viz import style
 from viz.interactive.solids import line_of_vertex, points_trace, scene, solid, wires
-from viz.interactive.theme import CELL, colour_scale, layout, plain, rgb_text, single
+from viz.interactive.theme import CELL, colour_bar, colour_scale, layout, plain, rgb_text, single
 from viz.models import drawn_names, model_surface
 from viz.surfaces import Surface
 
@@ -233,13 +233,8 @@ class _Kind:
 
     def _colours(self) -> dict[str, Any]:
         bar = {
-            "title": {"text": plain(self.title), "side": "top", "font": {"size": 12}},
+            **colour_bar(self.title, 11, 0.75, "top", x=1, xanchor="left"),
             "thickness": 12,
-            "len": 0.75,
-            "outlinewidth": 0,
-            "x": 1,
-            "xanchor": "left",
-            "tickfont": {"size": 11},
             "tickvals": np.log(self.sizes).tolist(),
             "ticktext": [plain(t) for t in self.texts],
         }
