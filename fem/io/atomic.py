@@ -13,8 +13,6 @@ from pathlib import Path
 LONGEST_NAME = 80
 """Characters of a file's name that its temporary file's name has: both must fit a directory entry [-]."""
 
-_NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)
-"""Errors of file systems that cannot flush."""
 
 _UNLOCKED, _LOCK = ".new", ".lock"
 """Suffixes of the file next to a temporary one that its process has locked, before it is locked and then.
@@ -140,7 +138,8 @@ def flushed(path: Path) -> None:
         try:
             os.fsync(file.fileno())
         except OSError as reason:
-            if reason.errno not in _NO_FLUSH:
+            # Errors of file systems that cannot flush
+            if reason.errno not in (errno.EINVAL, errno.ENOTSUP):
                 raise
 
 

@@ -50,8 +50,6 @@ LEAST_DISCREPANCY = np.array([0.0, FORM_DAMPING, 0.0])
 """The least. No theory of frames says how single modes are damped, however right it is: joints dissipate
 otherwise from mode to mode, and after each assembly (Segalman et al., *Handbook on Dynamics of Jointed
 Structures*, SAND2009-4164)."""
-LEAST_MIXED = 1e-4
-"""The same for a model that is right but for its mesh [-]."""
 
 BAD_PRIOR = 0.015
 """Prior probability that a frequency, damping ratio or shape does not belong to the structure's model [-]."""
@@ -718,8 +716,9 @@ class ModeFunction(FitFunction[ModeProblem]):
         phi = np.where(known[i], phi, 0.0)
         each, lam = np.arange(len(i)), eigenvalues
         share = self.problem.model_error / EXPLAINED_LEVEL
-        # Relative error of stiffness by which neighbouring modes mix, for the default ``model_error`` [-]
-        least = float(np.hypot(0.003 * share, LEAST_MIXED)) * np.abs(lam[each, partner])[:, None]
+        # Relative errors of stiffness by which neighbouring modes mix: for the default ``model_error``, and
+        # for a model that is right but for its mesh [-]
+        least = float(np.hypot(0.003 * share, 1e-4)) * np.abs(lam[each, partner])[:, None]
         m = least / np.maximum(np.abs(lam - lam[each, partner][:, None]), least)
         m[each, partner] = 0.0
         m[np.arange(lam.shape[1]) < n_rigid[:, None]] = 0.0

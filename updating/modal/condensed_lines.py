@@ -25,10 +25,6 @@ N_NODES = 20
 """Nodes of a segment; a segment of no more lines keeps them as they are."""
 
 
-ELLIPSE_AT_FIRST = 4.0
-"""Least parameter ρ of the ellipses when segments are laid out, so that poles have room to move [-]."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class CondensedLines:
     """Weighted FRFs at few nodes in place of all lines.
@@ -137,7 +133,8 @@ def _layout(omega: Floats, poles: Complexes) -> tuple[NDArray[np.int64], NDArray
         single += [np.arange(first, end) for first, end in parts[few]]
         parts = parts[~few]
         ends = np.stack([omega[parts[:, 0]], omega[parts[:, 1] - 1]], axis=1)
-        far = (_ellipse(ends, poles) >= ELLIPSE_AT_FIRST).all(axis=1)
+        # Least parameter ρ of the ellipses when segments are laid out, so that poles have room to move [-]
+        far = (_ellipse(ends, poles) >= 4.0).all(axis=1)
         segments.append(parts[far])
         parts = parts[~far]
         middle = parts.sum(axis=1) // 2

@@ -17,8 +17,6 @@ from updating.quality.corrections import Fault, corrected, uncorrected
 from updating.quality.cross_prediction import Field, cross_predict
 from updating.quality.phase import misphased, phase_evidence
 
-NOT_HOMOGENEOUS_SOMEWHERE = 2.0
-"""As many times the noise for the tenth of the values that differ most, averaged over neighbouring lines."""
 LEAST_DIFFERENCE_DB = 0.3
 """Smaller differences of FRFs that ought to be equal are not called one [dB]."""
 
@@ -77,7 +75,9 @@ class Homogeneity:
         # Two force levels differ if their FRFs do by this multiple of the noise
         if self.ratio > 1.5:
             return True
-        return self.somewhere > NOT_HOMOGENEOUS_SOMEWHERE and self.largest_db > LEAST_DIFFERENCE_DB
+        # As many times the noise for the tenth of the values that differ most, averaged over neighbouring
+        # lines
+        return self.somewhere > 2.0 and self.largest_db > LEAST_DIFFERENCE_DB
 
 
 @dataclass(frozen=True, slots=True)

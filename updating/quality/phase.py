@@ -25,7 +25,7 @@ from fem.analysis.frf import FRF
 from updating.measurement.measurement import Measurement, at_one_place
 
 ANTICAUSAL_DEVIATIONS = 5.0
-"""The same in standard deviations of the logarithm of the ratio of noise."""
+"""Logarithm of that ratio over its deviation in noise, beyond which the direction of time is certain [-]."""
 QUADRATURE = 0.5
 """Mean cosine of twice the phase's angle beyond which a quarter turn is called certain: half of 1, the value
 without damping [-]."""
