@@ -452,8 +452,5 @@ class _Separated:
         parts = np.array([quiet(number.get(name, every)) for name in test.frf.inputs])
         with np.errstate(divide="ignore", invalid="ignore"):
             scatter = np.hypot(parts[:, 0], parts[:, 1] / (np.abs(H) * f[:, None, None] ** 2))
-        one = FRF.from_arrays(
-            f, H, "receptance", test.frf.outputs, test.frf.inputs, test.frf.base, test.frf.strain
-        )
         scatter = np.where(H != 0, scatter, 0.0)
-        return prepared_like(problem, replace(test, frf=one.as_kind(test.frf.kind), scatter=scatter))
+        return prepared_like(problem, replace(test, frf=test.frf.with_receptances(H, f), scatter=scatter))
