@@ -50,9 +50,7 @@ STILL = 1e-3
 LARGE_FACTOR = 2.5
 """Ratio of measured to computed FRFs beyond which a word is said [-]."""
 
-_MOST_LINES = 240
 _LEAST_LINES = 8
-_SHARE_LINES = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,7 +147,7 @@ class LazyComparison:
         forces = sensor_rows(model, m.excitations).T
         rows = sensor_rows(model, m.sensors) / np.array([s.gain for s in m.sensors])[:, None]
         shares = []
-        for f in np.quantile(frequency, np.linspace(0.1, 0.9, _SHARE_LINES)):
+        for f in np.quantile(frequency, np.linspace(0.1, 0.9, 5)):
             Z = system.dynamic_stiffness(2 * np.pi * f)
             u = np.asarray(system.Q @ factorise(Z).solve(system.Q.T @ forces))
             moved = np.abs(u[: 6 * n_points].reshape(n_points, 6, -1)[:, :3])
@@ -160,7 +158,7 @@ class LazyComparison:
     @cached_property
     def _lines(self) -> NDArray[np.int64]:
         usable = np.flatnonzero(self.measurement.frf.frequency > 0)
-        return usable[np.unique(np.linspace(0, usable.size - 1, min(usable.size, _MOST_LINES)).astype(int))]
+        return usable[np.unique(np.linspace(0, usable.size - 1, min(usable.size, 240)).astype(int))]
 
     @cached_property
     def _computed(self) -> Callable[[NDArray[np.float64]], NDArray[np.complex128]]:

@@ -28,8 +28,6 @@ from fem.io.frame_of_model import ModelDeck
 from fem.model import DIRECTIONS
 
 DOF = {d: i for i, d in enumerate(DIRECTIONS, 1)}
-SAME_AXES = 7
-"""Decimals to which bars of one section have the same axes."""
 
 
 def abaqus_text(
@@ -83,7 +81,8 @@ def _bars(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
     """Yield elements by property and axes, with their sections; n1 is local y, so that I11 is Iy."""
     axes, groups = bar_axes(deck), dict[tuple[int, tuple[float, ...]], list[int]]()
     for k, p in enumerate(deck.bars.properties):
-        y = np.round(axes[k, 1], SAME_AXES) + 0.0
+        # Decimals to which bars of one section have the same axes
+        y = np.round(axes[k, 1], 7) + 0.0
         groups.setdefault((int(p), tuple(y) if deck.properties[p].theory != "bar" else ()), []).append(k)
     materials = {p.material.name: p.material for p in deck.properties if p.theory == "bar"}
     first = deck.first.get("name", 1)

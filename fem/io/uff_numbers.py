@@ -21,7 +21,6 @@ from fem.io.uff_format import UffBlock
 _NUMBER = re.compile(
     r"([-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+))(?:[EeDd]([-+]?[0-9]+)|([-+][0-9]+))?", re.ASCII
 )
-_LONGEST_NUMBER = 60
 _LARGEST_INTEGER = 2.0**53
 """Integers up to which a float is exact."""
 
@@ -46,7 +45,7 @@ class Tokens:
 def number_of(text: str) -> float | None:
     """Return a number with an exponent of E, D or its sign alone; None if it is none."""
     text = text.strip()
-    found = _NUMBER.fullmatch(text) if len(text) <= _LONGEST_NUMBER else None
+    found = _NUMBER.fullmatch(text) if len(text) <= 60 else None
     return None if found is None else float(f"{found[1]}e{found[2] or found[3] or 0}")
 
 

@@ -21,9 +21,6 @@ PLAUSIBLE = (0.2, 2.0)
 FITTING = (0.2, 1.05)
 """The same for another unit to be taken instead."""
 _COLLINEAR = 1e-3
-_MOST_PLACES = 20_000
-"""Placements of three points that are tried for each base."""
-_BASES = 4
 _MOST_DISTANCES = 500_000
 """Distances of points from lines that are in memory at once."""
 _MOST_POINTS = 120
@@ -629,7 +626,7 @@ def _bases(points: Floats) -> list[Ints]:
     n = len(points)
     remaining = list(range(n))
     bases = []
-    while len(remaining) >= 3 and len(bases) < _BASES:
+    while len(remaining) >= 3 and len(bases) < 4:
         part = points[remaining]
         far = part - part.mean(axis=0)
         a = int(np.argmax(np.linalg.norm(far, axis=1)))
@@ -661,7 +658,8 @@ def _triangles(corners: Floats, mesh: Floats, tolerance: float) -> Ints:
         for c in third if a != b else ():
             places.append((a, b, c))
             errors.append(abs(d[a, b] - ab) + abs(d[b, c] - bc) + abs(d[c, a] - ca))
-    if len(places) > _MOST_PLACES:
+    # Placements of three points that are tried for each base
+    if len(places) > 20_000:
         msg = (
             f"{len(places)} triangles of mesh points are similar within {tolerance / 2:g} m; give fewer "
             "mesh points, a "
