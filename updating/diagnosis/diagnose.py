@@ -62,6 +62,8 @@ from updating.quality.gates import Gates, check_gates, with_last_faults
 
 MOST_SEPARATED = 3
 """Largest number of twins with proposals of measurements that would separate them."""
+BEYOND_BAND = 1.2
+"""Modes of the model up to this multiple of the band's end may be measured ones [-]."""
 BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
 
@@ -260,8 +262,7 @@ def _concluded(done: Searched[FitProblem], gates: Gates, model_error: float, *, 
     )
     verdict, reason = _verdict(out, done, gates)
     if verdict == UNEXPLAINED:
-        # Modes of the model up to this multiple of the band's end may be measured ones [-]
-        up_to = 1.2 * float(problem.data.frequency[-1])
+        up_to = BEYOND_BAND * float(problem.data.frequency[-1])
         foreign = foreign_modes(problem, damped_modes(out.model, problem.damping, current.zeta, up_to))
         out = replace(out, notes=(*out.notes, note_of(foreign)) if foreign else out.notes)
     return replace(out, verdict=verdict, reason=reason)

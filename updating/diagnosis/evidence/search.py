@@ -52,10 +52,24 @@ from updating.inference.heartbeat import Lasting
 from updating.inference.parameters import Nuisance
 from updating.inference.workers import ALONE, Workers
 
+DOUBT_NATS = 15.0
+"""An effect is left out in a fit unless the covariance says that the score would fall by more than this."""
+LEAST_SHORT = 3
+"""Number of short fits beside a hypothesis that explains the data, where the looks promise nothing."""
+MOST_PROMISED = 24
+"""Most candidates that are fitted because they promise to be twins of the best hypothesis."""
+N_TOLD = 2
+"""Number of places that are named while the search goes on."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
 CONNECTIONS = ("joint", "support", "end")
 """Kinds of places whose springs in all directions are a block."""
+SPRING_UNITS = ("N/m", "N·m/rad", "rad/(N·m)")
+"""Units of the parameter of a spring."""
+BLOCK_SHARES = (0.2, 0.6, 1.0)
+"""Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
+AMID = 0.4
+"""Springs of a connection begin at this place of their grids, from the stiffest [-]."""
 Say = Callable[[str], None]
 
 
@@ -103,8 +117,7 @@ def _is_spring(effect: Effect) -> bool:
     """Whether an effect is the stiffness of a connection in one direction, and nothing more."""
     units = [p.unit for p in effect.parameters()]
     pure = effect.role == Role.STIFFNESS and not effect.amplitude_dependent
-    springs = [["N/m"], ["N·m/rad"], ["rad/(N·m)"]]
-    return pure and units in springs and place_of(effect)[0] in CONNECTIONS
+    return pure and len(units) == 1 and units[0] in SPRING_UNITS and place_of(effect)[0] in CONNECTIONS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -334,8 +347,7 @@ class Search(Generic[P]):
 
     def fit_promised(self) -> None:
         """Fit what was not fitted and is promised to be a twin of the best hypothesis."""
-        # Most candidates that are fitted because they promise to be twins of the best hypothesis
-        for h in sorted(self.promises(), key=lambda h: -h.score)[:24]:
+        for h in sorted(self.promises(), key=lambda h: -h.score)[:MOST_PROMISED]:
             if h.score < self.best.score - TWIN_NATS:
                 break
             with suppress(np.linalg.LinAlgError):  # no structure: more mass taken away than there is
@@ -412,8 +424,7 @@ class Search(Generic[P]):
     def amid(self, block: Sequence[Effect]) -> Values:
         """Return values in the middle of the effects' grids."""
         grids = (sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in block)
-        # Springs of a connection begin at this place of their grids, from the stiffest [-]
-        return tuple(g[int(0.4 * (len(g) - 1))] for g in grids)
+        return tuple(g[int(AMID * (len(g) - 1))] for g in grids)
 
     def springs(self, names: Set[str]) -> dict[str, tuple[Effect, ...]]:
         """Return the springs of each connection in all directions, of the effects with given names."""
@@ -450,9 +461,7 @@ class Search(Generic[P]):
         while rest:
             n = sum(p.worth >= best - behind - now for p in rest[: self.budget.together])
             if settled and not n:
-                # Number of short fits beside a hypothesis that explains the data, where the looks promise
-                # nothing
-                n = max(0, 3 - len(short))
+                n = max(0, LEAST_SHORT - len(short))
             if not n:
                 break
             these, rest = rest[:n], rest[n:]
@@ -483,9 +492,7 @@ class Search(Generic[P]):
         while len(h.effects) > 1:
             free = self.fits.free(h)
             gains = gains_without(free, h, [{e.name} for e in h.effects], self.fits.odds)
-            # An effect is left out in a fit unless the covariance says that the score would fall by more than
-            # this
-            doubtful = [e for e, gain in zip(h.effects, gains, strict=True) if not gain < -15.0]
+            doubtful = [e for e, gain in zip(h.effects, gains, strict=True) if not gain < -DOUBT_NATS]
             if not doubtful:
                 return h
             fewer = [tuple(x for x in h.effects if x.name != e.name) for e in doubtful]
@@ -637,8 +644,7 @@ class Search(Generic[P]):
         """Keep the places that explain the misfit without effects, and say the first of them."""
         is_first, self.scanned = not self.scanned, scanned
         if scanned and is_first:
-            # Number of places that are named while the search goes on
-            best = " or ".join(s.name for s in scanned[:2])
+            best = " or ".join(s.name for s in scanned[:N_TOLD])
             self.tell(Lasting(f"so far: the error is explained best by changes at {best}"))
 
     def compatible_with(self, effects: Sequence[Effect]) -> list[Effect]:
@@ -732,10 +738,9 @@ class Search(Generic[P]):
         places = [place_of(e)[1] for e in block]
         names = [str(_turns(e)) for e in block] if len(set(places)) == 1 else places
         groups = [sorted(set(names)).index(name) for name in names]
-        # Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]
         return [
             Start(tuple(g[int(shares[k] * (len(g) - 1))] for g, k in zip(grids, groups, strict=True)), near)
-            for shares in product((0.2, 0.6, 1.0), repeat=max(groups) + 1)
+            for shares in product(BLOCK_SHARES, repeat=max(groups) + 1)
         ]
 
     # fits ---------------------------------------------------------------------------------------------------
