@@ -45,8 +45,6 @@ CHANGES: Mapping[str, Callable[[ModelDeck, Path, DeckUnits], DeckEdit]] = {
     "ansys": ansys_changes,
 }
 """Writers of cards that change a deck."""
-CHECKED_MODES = 10
-"""Modes by which a merged deck is compared with its model."""
 RESULT = "result.json"
 OF_THE_TEST = (SensorForm, DriverForm, SensorMass, DriverMass, Stinger)
 """Effects of instruments, which the structure does not have."""
@@ -154,8 +152,9 @@ def differences(deck: Path, source: SourceDeck, model: Model) -> tuple[float, fl
     """
     whole = deck_of(model)
     as_deck = model_of(with_nodes(whole, arms=None))
+    # Modes by which a merged deck is compared with its model
     one, *others = (
-        first_modes(assemble(m, reciprocal=False), CHECKED_MODES).frequency
+        first_modes(assemble(m, reciprocal=False), 10).frequency
         for m in (model_of(read_deck(deck, source.units)), with_places(model)[0], as_deck)
     )
     out = []

@@ -193,20 +193,7 @@ def proposed(found: Estimate) -> tuple[Effect, ...]:
             rigid = tuple(x for x in rigid if x != d)
     if changed:
         D, eta = loss_now, 0.0
-    new = Joint(
-        name=joint.name,
-        point1=joint.point1,
-        point2=joint.point2,
-        location=joint.location,
-        axes=joint.axes,
-        K=K,
-        C=C,
-        D=D,
-        M=joint.M,
-        eta=eta,
-        rigid=rigid,
-    )
-    return new, *out
+    return replace(joint, K=K, C=C, D=D, eta=eta, rigid=rigid), *out
 
 
 def write_proposal(study: StudyContents, found: Estimate, path: Path) -> tuple[Effect, ...]:

@@ -49,8 +49,6 @@ CONNECTIONS_POWER = "power of the frequency in that ratio"
 GAIN_ERROR, TURNED, SHIFTED = "gain too large by", "turned towards", "shifted along"
 """Errors of channels in words."""
 CHANNEL_UNITS = "-", "rad", "rad", "m", "m"
-ALONG_AXIS = 0.999
-"""Component of a direction from which on it is called by the name of its axis [-]."""
 _FORM = {
     "u": "stiffness",
     "plane": "stiffness in its plane",
@@ -298,7 +296,8 @@ def axis_text(t: ArrayLike) -> str:
     """Return a direction in words: an axis, or its components."""
     t = np.asarray(t, dtype=float)
     k = int(np.argmax(np.abs(t)))
-    if abs(t[k]) > ALONG_AXIS:
+    # Component of a direction from which on it is called by the name of its axis [-]
+    if abs(t[k]) > 0.999:
         return f"{'+' if t[k] > 0 else '−'}{'xyz'[k]}"
     return "(" + ", ".join(f"{c:.2f}" for c in t) + ")"
 

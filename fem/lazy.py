@@ -13,9 +13,10 @@ from typing import Any
 def names_on_use(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return ``__getattr__`` and ``__dir__`` of a package (PEP 562), so that importing it imports little.
 
-    The names are those that the package imports under ``if TYPE_CHECKING:``. Type checkers, the documentation
-    and the import contracts read the same lines, so no second list can differ from them. Submodules are
-    attributes too, as they are where a package imports all of them.
+    The names are those that the package imports under ``if TYPE_CHECKING:``. Type checkers and the import
+    contracts read the same lines, and ``__all__`` is these names unless the package gives its own, which type
+    checkers of other projects and the reference pages read. Submodules are attributes too, as they are where
+    a package imports all of them.
 
     Parameters
     ----------
@@ -36,6 +37,8 @@ def names_on_use(package: str) -> tuple[Callable[[str], Any], Callable[[], list[
         return {name.name: line.module for line in lines for name in line.names}
 
     def getattribute(name: str) -> Any:
+        if name == "__all__":
+            return list(modules())
         if not name.startswith("__"):
             if source := modules().get(name):
                 value = getattr(import_module(source), name)

@@ -25,9 +25,6 @@ UNITS: Mapping[str, tuple[float, float, float]] = {
 """Length [m], mass [kg] and time [s] of one unit of consistent systems: mm-t-s has N and MPa, mm-kg-ms kN and
 GPa, in-lbf-s the mass lbf s²/in."""
 
-SYMMETRY = 1e-8
-"""Relative size of A - Aᵀ up to which a matrix counts as symmetric: files keep 8 digits or more."""
-
 
 class MatricesError(ValueError):
     """Matrices that cannot be those of a structure; the message gives the value found."""
@@ -374,7 +371,8 @@ def _symmetric(X: Any, name: str, n: int) -> sp.csr_array:
         raise MatricesError(msg)
     gap, largest = abs(A - A.T), float(abs(A).max()) if A.nnz else 0.0
     worst = float(gap.max()) if gap.nnz else 0.0
-    if worst > SYMMETRY * largest:
+    # Relative size of A - Aᵀ up to which a matrix counts as symmetric: files keep 8 digits or more
+    if worst > 1e-8 * largest:
         i, j = np.unravel_index(int(gap.argmax()), A.shape)
         msg = (
             f"{name} is not symmetric: the entries ({i}, {j}) and ({j}, {i}) differ by {worst:.3g}, its "

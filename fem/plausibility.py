@@ -40,8 +40,6 @@ UNITS = {"E": "Pa", "rho": "kg/m³"}
 USUAL_SOUND = 5000.0
 """√(E/ρ) of steel, aluminium, glass and wood along its grain, within a fifth [m/s]."""
 
-LARGEST_STRUCTURE = 1000.0
-"""No frame is longer but for bridges [m]."""
 
 LARGEST_AREA = 10.0
 """Solid part of a cross-section that no member exceeds [m²]."""
@@ -49,11 +47,6 @@ LARGEST_AREA = 10.0
 MOST_DAMPING = 0.3
 """Damping ratio above which no structure vibrates long enough to be tested [-]."""
 
-RIGID_RATIO = 1e6
-"""Stiffness of a connection relative to a cube of the stiffest member, above which it is rigid [-]."""
-
-LOOSE_RATIO = 1e-9
-"""Stiffness of a connection relative to the softest member's EI/L³, below which it does nothing [-]."""
 
 MOST_PRESTRAIN = 0.02
 """Strain of a pretension above that at which steel wire breaks [-]."""
@@ -336,7 +329,8 @@ def _contradictions(s: Section) -> Iterator[str]:
 def _of_sizes(mesh: Mesh, members: Sequence[_Alike], trusted: bool) -> Iterator[Suspicion]:
     """Yield members that are thicker than long or bend under their weight, and structures too large."""
     size = mesh.size
-    if size > LARGEST_STRUCTURE:
+    # No frame is longer but for bridges [m]
+    if size > 1000.0:
         yield Suspicion(
             ("mesh",),
             f"the structure is {size:.4g} m large; are the coordinates in mm ({size / 1000:.4g} m)?",
@@ -465,7 +459,8 @@ def _odd_stiffness(d: str, k: float, members: Sequence[_Alike]) -> str:
     unit = "N·m/rad" if turning else "N/m"
     power = 1.5 if turning else 0.5
     block = max(m.material.E * s.A**power for m in members for s in m.sections)
-    if k > RIGID_RATIO * block:
+    # Stiffness of a connection relative to a cube of the stiffest member, above which it is rigid [-]
+    if k > 1e6 * block:
         return (
             f"{k:.3g} {unit}, {k / block:.1g} times that of a cube as thick as the stiffest member "
             f"({block:.2g} {unit}): it is practically rigid; declare it rigid, because so large a "
@@ -476,7 +471,8 @@ def _odd_stiffness(d: str, k: float, members: Sequence[_Alike]) -> str:
         for m in members
         for s in m.sections
     )
-    if k < LOOSE_RATIO * slack:
+    # Stiffness of a connection relative to the softest member's EI/L³, below which it does nothing [-]
+    if k < 1e-9 * slack:
         return (
             f"{k:.3g} {unit}, {k / slack:.1g} times that of the softest member ({slack:.2g} {unit}): it "
             f"has hardly any effect; is it in {unit}?"

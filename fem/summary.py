@@ -11,8 +11,6 @@ _MOST_NAMES = 4
 """Names that a list shows before it counts the rest."""
 _MOST_VALUES = 6
 """Parameters that an effect shows before it counts the rest."""
-_LINE = 240
-"""Characters of all fields of an object before the rest of them is counted."""
 _LONGEST = 60
 """Characters of a text or of a value inside a summary."""
 
@@ -64,8 +62,9 @@ def fields_summary(self: Any) -> str:
     Classes take it as their ``__repr__``: the one that dataclasses make would print every array.
     """
     texts = [f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self) if f.repr]
+    # Characters of all fields of an object before the rest of them is counted
     shown = [
-        text for text, end in zip(texts, accumulate(len(t) + 2 for t in texts), strict=True) if end < _LINE
+        text for text, end in zip(texts, accumulate(len(t) + 2 for t in texts), strict=True) if end < 240
     ]
     more = [counted(len(texts) - len(shown), "more field")] if len(shown) < len(texts) else []
     return f"{type(self).__name__}({', '.join([*shown, *more])})"

@@ -14,8 +14,6 @@ Floats = NDArray[np.float64]
 N_NODES = 28
 """Chebyshev nodes of a table. A stiffness 1/(a + b e^-s) has its poles π from the real axis of s: over ± 3.9
 the error falls as 2.1^-n (Trefethen, *Approximation Theory*, 2013, theorem 8.2)."""
-SEPARABLE = 1e-6
-"""Relative error up to which matrices count as sums of functions of one number each."""
 NEGLIGIBLE = 1e-13
 """Singular values of tables that are left out [-]."""
 
@@ -143,7 +141,8 @@ class TabulatedEffect:
         along = ChebyshevTable.of(low, high, lambda s: stiffness(s, 0.0) - plane.at(s))
         u, v = 0.35 * high, -0.25 * high
         exact, found = stiffness(u, v), along.at(u) + plane.at(u + v)
-        right = np.abs(found - exact).max() <= SEPARABLE * np.abs(exact).max()
+        # Relative error up to which matrices count as sums of functions of one number each
+        right = np.abs(found - exact).max() <= 1e-6 * np.abs(exact).max()
         return cls(dofs, entries, loss, along, plane, M) if right else None
 
     def matrices(

@@ -14,9 +14,6 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
 
-PRODUCTS_FROM_RHS_RATIO = 4
-"""Right-hand sides for each unknown from which products cost less than triangular solutions [-]."""
-
 _Array = TypeVar("_Array", bound=npt.NDArray[Any])
 
 
@@ -25,6 +22,19 @@ def frozen_copy(array: _Array) -> _Array:
     copy = array.copy()
     copy.flags.writeable = False
     return copy
+
+
+def checked_noise(noise: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """Return noise as a relative number, or as absolute values of a shape."""
+    level = np.asarray(noise, dtype=float)
+    if not (np.isfinite(level).all() and (level > 0).all()):
+        msg = "the noise must be positive and finite: relative as a number, or absolute as an array"
+        raise ValueError(msg)
+    try:
+        return level if level.ndim == 0 else np.broadcast_to(level, shape)
+    except ValueError as error:
+        msg = f"noise has shape {level.shape}; a number or an array that broadcasts to {shape} is needed"
+        raise ValueError(msg) from error
 
 
 def as_frequency(frequency: npt.ArrayLike) -> FloatArray:
@@ -135,7 +145,8 @@ def solve_lines(A: ComplexArray, B: ComplexArray) -> ComplexArray:
     With many columns the inverse and one step of refinement give the solution in less time: LAPACK's
     triangular solutions of small matrices are slow, and products are not.
     """
-    if B.shape[-1] <= PRODUCTS_FROM_RHS_RATIO * A.shape[-1]:
+    # Right-hand sides for each unknown from which products cost less than triangular solutions [-]
+    if B.shape[-1] <= 4 * A.shape[-1]:
         return np.asarray(np.linalg.solve(A, B), dtype=complex)
     inverse = np.linalg.inv(A)
     X = inverse @ B

@@ -26,14 +26,10 @@ from updating.inference.preparation import build_problem
 MOST_LINES = 800
 """Lines that are fitted at most, as many in each band, unless the task says how many."""
 
-ROUNDS = 3
-"""Times the error levels of the bands are estimated anew at most."""
 
 SETTLED = 0.1
 """Change of the error levels at which they are left alone [-]."""
 
-CONTRADICTION = 4.0
-"""Change of a parameter by a wider band, in standard deviations of the change, that is none of chance."""
 
 SHARP = 0.15
 """Standard deviation of a parameter, over its value, up to which a band can contradict a wider one [-]."""
@@ -310,7 +306,9 @@ def estimate(
             stage = fit_up_to(count, (widest, *stages[-1:]))
             if not stages and count < ends[-1] and (widest.sharp & ~stage.sharp).any():
                 continue  # it knows too little to contradict anything
-            if stages and stages[-1].disagreement(stage)[stages[-1].sharp].max(initial=0.0) > CONTRADICTION:
+            # Change of a parameter by a wider band, in standard deviations of the change, that is none of
+            # chance
+            if stages and stages[-1].disagreement(stage)[stages[-1].sharp].max(initial=0.0) > 4.0:
                 refused = stage
                 break
             stages.append(stage)
@@ -404,7 +402,8 @@ def _fit_with_levels(
                 found = fit(stepped.values, prior=vague_prior(task, form, stepped.values), part_start=x)
                 tried = [("a walk along each stiffness", found.values)]
         rounds += 1
-        if not accuracy or rounds == ROUNDS:
+        # Times the error levels of the bands are estimated anew at most
+        if not accuracy or rounds == 3:
             break
         r = np.abs(np.nan_to_num(found.H - H)) / plain
         new = np.ones(len(levels))

@@ -16,18 +16,9 @@ from joint.output_error import SCAN
 from joint.released import ReleasedParts
 from joint.synthesis import couple
 
-DISTINCT = 0.1
-"""Relative difference from which two starts are worth a fit each [-]."""
-
 WALK = (1.2, 1.05, 1.0125)
 """Factors of ever finer steps along one stiffness [-]."""
 
-MISSES = 3, 1
-"""Steps in a row that do not lower the cost after which a walk turns round, coarse and finer [-]; one that
-doubles it counts twice."""
-
-FIXED_STD = 1e-4
-"""Relative standard deviation that fixes a stiffness while all else is fitted [-]."""
 
 SEARCHES = 6
 """Number of further searches for stiffnesses around the fitted values."""
@@ -107,7 +98,8 @@ def walked(
         theta = at.values.copy()
         theta[i] *= factor
         mean, std = vague_prior(task, form, theta)
-        mean[i], std[i] = theta[i], FIXED_STD
+        # Relative standard deviation that fixes a stiffness while all else is fitted [-]
+        mean[i], std[i] = theta[i], 1e-4
         start = standard(at.part_values)
         return fit(theta, prior=(mean, std), part_start=start, stages=(1.0,), max_iterations=4)
 
@@ -116,7 +108,9 @@ def walked(
         i, begin = form.names.index(f"{form.terms[0].kind} {d} {d}"), best
         for factor in (1 / step, step):
             at, missed = begin, 0
-            while missed < MISSES[step != WALK[0]]:
+            # Steps in a row that do not lower the cost after which a walk turns round, coarse and finer [-];
+            # one that doubles it counts twice
+            while missed < (3, 1)[step != WALK[0]]:
                 at = moved(at, i, factor)
                 if at.chi2 < 0.99 * best.chi2:
                     best, missed = at, 0
@@ -181,5 +175,6 @@ def starting_values(
         tried.append(("a search over six decades", searched(task, form, tried[0][1], far)))
     first, *others = sorted(tried, key=lambda each: far(each[1]))
     scale = np.maximum(np.abs(first[1]), 1e-3 * np.abs(first[1]).max())
-    apart = [each for each in others if np.abs((each[1] - first[1]) / scale).max() > DISTINCT]
+    # Relative difference from which two starts are worth a fit each [-]
+    apart = [each for each in others if np.abs((each[1] - first[1]) / scale).max() > 0.1]
     return [first, *apart[:1]] if len(before) == 1 else [first]

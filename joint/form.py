@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from fem.laws import FractionalKelvinVoigt, FractionalZener, Zener
 from fem.summary import fields_summary
-from joint._checks import ComplexArray, FloatArray, frozen_copy
+from joint._checks import BoolArray, ComplexArray, FloatArray, frozen_copy
 from joint.interface import CoordinateSet
 
 LAWS = {"zener": Zener, "fractional_kelvin_voigt": FractionalKelvinVoigt, "fractional_zener": FractionalZener}
@@ -322,13 +322,19 @@ def full_form(
         For an unknown kind, or a pattern that leaves nothing.
     """
     n = len(coordinates)
+    allowed = _pattern(pattern, n)
+    return _of_units(
+        coordinates, np.eye(n), coordinates.labels, coordinates.rotational, kinds, reciprocal, allowed
+    )
+
+
+def _pattern(pattern: npt.ArrayLike | None, n: int) -> BoolArray:
+    """Return which entries (n, n) may differ from zero, all unless given."""
     allowed = np.ones((n, n), dtype=bool) if pattern is None else np.asarray(pattern, dtype=bool)
     if allowed.shape != (n, n) or not allowed.any():
         msg = f"the pattern has shape {allowed.shape}; ({n}, {n}) with at least one entry is needed"
         raise FormError(msg)
-    return _of_units(
-        coordinates, np.eye(n), coordinates.labels, coordinates.rotational, kinds, reciprocal, allowed
-    )
+    return allowed
 
 
 def relative_form(
@@ -366,13 +372,8 @@ def relative_form(
     if B.ndim != 2 or B.shape != (len(names), len(coordinates)) or not np.isfinite(B).all():
         msg = f"B has shape {B.shape}; ({len(names)}, {len(coordinates)}), finite, is needed"
         raise FormError(msg)
-    p = len(names)
-    allowed = np.ones((p, p), dtype=bool) if pattern is None else np.asarray(pattern, dtype=bool)
-    if allowed.shape != (p, p) or not allowed.any():
-        msg = f"the pattern has shape {allowed.shape}; ({p}, {p}) with at least one entry is needed"
-        raise FormError(msg)
     turn = np.array([name.startswith("r") for name in names])
-    return _of_units(coordinates, B, names, turn, kinds, True, allowed)
+    return _of_units(coordinates, B, names, turn, kinds, True, _pattern(pattern, len(names)))
 
 
 def with_masses(form: JointForm, places: npt.ArrayLike) -> JointForm:

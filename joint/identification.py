@@ -18,6 +18,7 @@ from joint._checks import (
     as_shape,
     check_finite,
     check_same_lines,
+    checked_noise,
     frozen_copy,
     solve_lines,
 )
@@ -28,9 +29,6 @@ AMPLIFICATION_LIMIT = 1e-9 / ROUNDING
 
 _FEW_DIGITS = 1e-11
 """Part of a sum of squares below which a difference from another has lost more than 11 of its digits [-]."""
-
-_FEW_INPUTS = 48
-"""Inputs that tell how small a residual below 3e-6 is."""
 
 
 class JointIdentificationError(ValueError):
@@ -472,7 +470,8 @@ def project_lines(problem: ScaledProblem) -> Projection:
 
 def _small_rest(C: ComplexArray, Q: ComplexArray, QC: ComplexArray) -> float:
     """Return ‖C - Q Qᴴ C‖² / ‖C‖² of evenly spread columns, without a difference of squares."""
-    for step in (max(1, C.shape[1] // _FEW_INPUTS), 1):
+    # Inputs that tell how small a residual below 3e-6 is
+    for step in (max(1, C.shape[1] // 48), 1):
         some = np.ascontiguousarray(C[:, ::step])
         if size := _square(some):
             some -= Q @ QC[:, ::step]
@@ -530,20 +529,8 @@ def _solve_lines(
 
 def _deviations(problem: ScaledProblem, z: ComplexArray, noise: npt.ArrayLike) -> list[ComplexArray]:
     """Return the deviations of W z Wᵀ and of z over the basis' own sizes."""
-    level = np.asarray(noise, dtype=float)
-    if not (np.isfinite(level).all() and (level > 0).all()):
-        msg = "the noise must be positive and finite: relative as a number, or absolute as an array"
-        raise ValueError(msg)
-    try:
-        sigma = (
-            level * np.abs(problem.H_nn) if level.ndim == 0 else np.broadcast_to(level, problem.H_nn.shape)
-        )
-    except ValueError as error:
-        msg = (
-            f"noise has shape {level.shape}; a number or an array that broadcasts to "
-            f"{problem.H_nn.shape} is needed"
-        )
-        raise ValueError(msg) from error
+    level = checked_noise(noise, problem.H_nn.shape)
+    sigma = level if level.ndim else level * np.abs(problem.H_nn)
     known = np.asarray(np.isfinite(z).all(axis=(1, 2)))
     z, Q, unit = z[known], problem.Q[known], np.eye(z.shape[1])
     B = solve_lines(unit + Q @ z, problem.R[known])

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import zherk
 
-from joint._checks import BoolArray, ComplexArray, FloatArray, solve_lines
+from joint._checks import BoolArray, ComplexArray, FloatArray, checked_noise, solve_lines
 from joint.form import JointForm
 from joint.interface import SubstructureFRF
 from joint.parts import Parts, ReceptanceBlocks
@@ -223,20 +223,8 @@ def noise_of(measured: ComplexArray, noise: npt.ArrayLike | None, reference: Com
     least = 1e-6 * np.sqrt((size**2).mean(axis=0)) + 1e-300
     if noise is None:
         return np.maximum(np.sqrt(2) * relative_noise(measured) * size, least)
-    level = np.asarray(noise, dtype=float)
-    if not (np.isfinite(level).all() and (level > 0).all()):
-        msg = "the noise must be positive and finite: relative as a number, or absolute as an array"
-        raise ValueError(msg)
-    if level.ndim == 0:
-        return np.maximum(level * size, least * 1e-3)
-    try:
-        return np.broadcast_to(level, measured.shape)
-    except ValueError as error:
-        msg = (
-            f"noise has shape {level.shape}; a number or an array that broadcasts to "
-            f"{measured.shape} is needed"
-        )
-        raise ValueError(msg) from error
+    level = checked_noise(noise, measured.shape)
+    return level if level.ndim else np.maximum(level * size, least * 1e-3)
 
 
 def checked_prior(

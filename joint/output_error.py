@@ -24,9 +24,6 @@ from joint.uncertainty import (
 )
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 
-_LONGEST_LOG_STEP = 1.5
-"""Longest step of the logarithm of a positive parameter in one iteration."""
-
 SCAN = tuple(10.0 ** (k / 6) for k in range(-18, 19) if k)
 """Factors by which stiffnesses are tried far from the data [-]."""
 
@@ -264,7 +261,8 @@ class _Band:
 
     def at(self, x: FloatArray, near: _ScaledPoint) -> _ScaledPoint:
         # A value that runs to 0 is stopped by itself: its steps meet the limit for ever, and gain nothing.
-        longest = np.where(self.log, _LONGEST_LOG_STEP, np.inf)
+        # Longest step of the logarithm of a positive parameter in one iteration
+        longest = np.where(self.log, 1.5, np.inf)
         x = near.x + np.clip(x - near.x, -longest, longest)
         point = np.where(self.log, np.exp(np.where(self.log, x, 0.0)), x)
         # Derivatives come with the cost: most trials are accepted, and they share the solved lines.

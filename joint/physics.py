@@ -23,8 +23,6 @@ LINEAR = ("K", "M", "C", "D")
 UNEXPLAINED = 2.0
 """Misfit over the scatter of neighbouring lines beyond which no law explains a stiffness [-]."""
 
-BETTER_LAW_BIC = 10.0
-"""Difference of Schwarz's criterion from which one law counts as clearly better than another."""
 
 _WORDS = {
     "K": "a constant stiffness",
@@ -111,7 +109,8 @@ class StiffnessLaw:
     @property
     def rivals(self) -> tuple[LawFit, ...]:
         """Other laws that are nearly as good."""
-        return tuple(f for f in self.others if f.criterion - self.best.criterion < BETTER_LAW_BIC)
+        # Difference of Schwarz's criterion from which one law counts as clearly better than another
+        return tuple(f for f in self.others if f.criterion - self.best.criterion < 10.0)
 
     @property
     def sentence(self) -> str:

@@ -16,10 +16,6 @@ from fem.analysis.frf import FRF, FRFKind
 from fem.summary import fields_summary
 from joint._checks import ComplexArray, FloatArray, IntArray, check_same_lines, frozen_copy, solve_lines
 
-_SINGULAR = 1e13
-"""Condition number from which an interface counts as singular: its motions depend on one another."""
-
-
 _LINES = 32
 
 
@@ -467,7 +463,8 @@ def _condition(
     scaled = A / size[:, :, None] / size[:, None, :]
     s = np.linalg.svd(scaled, compute_uv=False)
     condition = np.divide(s[:, 0], s[:, -1], out=np.full(len(s), np.inf), where=s[:, -1] > 0)
-    if (condition > _SINGULAR).any() and (regularisation is None or regularisation.method == "none"):
+    # Condition number from which an interface counts as singular: its motions depend on one another
+    if (condition > 1e13).any() and (regularisation is None or regularisation.method == "none"):
         line = int(np.argmax(condition))
         null = np.abs(np.linalg.svd(scaled[line])[2][-1])
         words = ", ".join(

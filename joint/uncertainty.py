@@ -14,14 +14,10 @@ from joint._checks import BoolArray, ComplexArray, FloatArray, IntArray
 Information = Callable[[int, int], tuple[FloatArray, FloatArray]]
 """Gauss-Newton matrix and gradient that the lines from one up to another bring, without priors."""
 
-WEAK = 1e-13
-"""Eigenvalue of the scaled information, over the largest, up to which its direction is not determined [-]."""
 
 NOISE_MARGIN = 2.0
 """Factor by which the square of noise, as estimated from lines, may be wrong [-]."""
 
-LEAST_GROUPS = 8
-"""Groups of lines that are left out one after the other, at least."""
 
 LIKELY = 1.92
 """Fall of the log likelihood within which 95 % of one parameter's estimates lie [nats]."""
@@ -80,7 +76,9 @@ def inverse_information(A: FloatArray, fixed: BoolArray) -> FloatArray:
     if use.size:
         scale = np.sqrt(2 * np.diag(A)[use])
         values, vectors = np.linalg.eigh(2 * A[np.ix_(use, use)] / np.outer(scale, scale))
-        weak = values < WEAK * values[-1]
+        # Eigenvalue of the scaled information, over the largest, up to which its direction is not determined
+        # [-]
+        weak = values < 1e-13 * values[-1]
         inverse = (vectors / np.where(weak, np.inf, values)) @ vectors.T
         out[np.ix_(use, use)] = inverse / np.outer(scale, scale)
         lost[use[(np.abs(vectors[:, weak]) > 1e-4).any(axis=1)]] = True
@@ -192,7 +190,8 @@ def stated_covariance(
     if not b or not known.any():
         return independent, independent
     n_modes = peak_count(H)
-    groups = min(max(n_modes, LEAST_GROUPS), len(residual))
+    # Groups of lines that are left out one after the other, at least
+    groups = min(max(n_modes, 8), len(residual))
     edges = np.linspace(0, len(residual), groups + 1).round().astype(np.int64)
     count = int((residual != 0).sum())
     moved = jackknife(A, information, edges, known)

@@ -12,9 +12,6 @@ from viz.axes import keys_of, legend_above
 
 __all__ = ["plot_ambient"]
 
-SHOWN_VALUES = 4
-"""Singular values that are drawn."""
-
 
 def plot_ambient(found: AmbientModes, title: str = "") -> Figure:
     """Plot singular values of the spectra, and below them the poles of all orders, with the modes.
@@ -47,7 +44,8 @@ def _spectra(ax: Axes, found: AmbientModes) -> None:
     """Draw singular values, and peaks without a mode."""
     s = found.spectra
     inside = (s.frequency >= found.band[0]) & (s.frequency <= found.band[1])
-    for k in range(min(SHOWN_VALUES, s.values.shape[1])):
+    # Singular values that are drawn
+    for k in range(min(4, s.values.shape[1])):
         first = k == 0
         ax.plot(
             s.frequency[inside],

@@ -29,8 +29,6 @@ _PIECES = 24
 """Least number of pieces along a member."""
 _HOLDERS = ("support", "joint")
 """Colours of the marks of effects that hold the structure."""
-_HEIGHT = 0.13
-"""Largest ordinate as a part of the structure's size [-]."""
 _AXIS = {"color": style.MUTED, "line_width": 5.0}
 _MOST_NAMED = 24
 LEAST_DRAWN_FORCE = 1e-6
@@ -45,8 +43,6 @@ _STRESSES = {
 }
 """Words on the stresses that are drawn, and their curves."""
 
-_LEAST_MPA = 1e4
-"""Stress from which on a picture is in MPa [Pa]."""
 
 _NORMAL = LinearSegmentedColormap.from_list("normal stress", [NEGATIVE, "#f2f2f2", POSITIVE])
 """Colours of compression and tension, as of negative and positive section forces."""
@@ -137,7 +133,8 @@ def render_stress(
         msg = f"the {words} is known of no member; sections need a shape"
         raise ValueError(msg)
     largest = float(np.nanmax(np.abs(curves)))
-    factor, unit = (1e-6, "MPa") if largest >= _LEAST_MPA else (1.0, "Pa")
+    # Stress from which on a picture is in MPa [Pa]
+    factor, unit = (1e-6, "MPa") if largest >= 1e4 else (1.0, "Pa")
     curves = [factor * np.nan_to_num(c) for c in curves]
     heading = f"{words} [{unit}], {solution.cases[case]}"
     scene, tips = _diagram(solution, title or heading[0].upper() + heading[1:], 1, 1.0, *curves)
@@ -202,7 +199,8 @@ def _diagram(
     mesh, ends = solution.model.mesh, _axis_ends(solution)
     base = _base(solution, curves[0].shape[1] - 1)
     largest = max(float(abs(values).max()) for values in curves)
-    scale = sense * _HEIGHT * mesh.size / largest if largest else 0.0
+    # Largest ordinate as a part of the structure's size [-]
+    scale = sense * 0.13 * mesh.size / largest if largest else 0.0
     way = solution.equilibrium.loads.axes.R[:, None, 1 + axis]
     tips = [np.asarray(base + (scale * values)[..., None] * way) for values in curves]
     scene = Scene(mesh.points, *(t.reshape(-1, 3) for t in tips), title=title)

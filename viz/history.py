@@ -11,8 +11,6 @@ from viz.axes import legend_above
 
 MOST_MODES = 12
 """Modes that are drawn, the lowest."""
-FILLED_FROM_PROBABILITY = 0.5
-"""Probability of a change from which its mark is filled [-]."""
 
 
 def plot_history(
@@ -75,7 +73,8 @@ def plot_history(
                     "o",
                     markersize=8,
                     color=style.EFFECT,
-                    markerfacecolor=style.EFFECT if probability >= FILLED_FROM_PROBABILITY else "none",
+                    # Probability of a change from which its mark is filled [-]
+                    markerfacecolor=style.EFFECT if probability >= 0.5 else "none",
                 )
         low.set_yticks(range(len(rows)), rows)
         low.set_ylim(len(rows) - 0.4 if rows else 0.5, -0.6)

@@ -16,8 +16,6 @@ from viz.layout import shorten
 
 NYQUIST, SINGULAR, FRAC = "nyquist", "singular value", "frac"
 """Quantities of the curves: ``meta["quantity"]``, beside the curve's label ``meta["series"]``."""
-MOST_SINGULAR_VALUES = 3
-"""Singular values that are drawn [-]; further ones lie in the noise of most tests."""
 
 
 def nyquist(measured: FRF, models: Mapping[str, FRF], pair: tuple[str, str], *, height: float = 520) -> Chart:
@@ -79,7 +77,8 @@ def cmif(
 
 def singular_levels(H: ArrayLike) -> np.ndarray:
     """Return the largest singular values at each line, (n_freq, n) [dB]; NaN where they are 0."""
-    values = indicator(H)[:, :MOST_SINGULAR_VALUES]
+    # Singular values that are drawn [-]; further ones lie in the noise of most tests
+    values = indicator(H)[:, :3]
     return 20 * np.log10(values, where=values > 0, out=np.full(values.shape, np.nan))
 
 

@@ -17,9 +17,6 @@ from viz.still import draw
 
 __all__ = ["plot_stabilisation", "plot_synthesis"]
 
-DEEPEST_DB = 120.0
-"""Range of the mode indicator that is drawn: the residual of exact data is rounding [dB]."""
-
 
 def plot_stabilisation(measured: FRF, identified: IdentifiedModes, title: str = "") -> Figure:
     """Plot mode indicators, measured, fitted and of the residual, and below them the poles of all orders.
@@ -85,7 +82,8 @@ def _indicators(ax: Axes, measured: FRF, identified: IdentifiedModes) -> None:
             label="peak without a mode",
         )
     floor = float(np.percentile(np.minimum(residual, of_data), 1))
-    ax.set_ylim(max(floor, float(of_data.max()) - DEEPEST_DB) - 3, float(of_data.max()) + 4)
+    # Range of the mode indicator that is drawn: the residual of exact data is rounding [dB]
+    ax.set_ylim(max(floor, float(of_data.max()) - 120.0) - 3, float(of_data.max()) + 4)
     ax.set_ylabel("mode indicator [dB]")
 
 

@@ -48,11 +48,8 @@ class Mark(NamedTuple):
         if self.axes is None:
             return 0.0
         x, y = view.axes[:2] @ (self.axes.T @ view.axes[1])
-        return float(np.arctan2(-x, y)) if np.hypot(x, y) > _SEEN else 0.0
-
-
-_SEEN = 0.1
-"""Part of a direction that must lie in the picture's plane to be recognised [-]."""
+        # Part of a direction that must lie in the picture's plane to be recognised [-]
+        return float(np.arctan2(-x, y)) if np.hypot(x, y) > 0.1 else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

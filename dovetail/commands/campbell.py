@@ -32,9 +32,6 @@ NULLS = {
 }
 """Why numbers are missing."""
 
-_PRINTED = 11
-"""Most speeds that are printed; --json and --out have all."""
-
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
@@ -141,7 +138,8 @@ def _percent(zeta: float) -> str:
 
 def _damped(rpm: np.ndarray, found: Campbell) -> Table:
     """Return damped frequencies over speed, at some of the speeds."""
-    chosen = np.unique(np.linspace(0, rpm.size - 1, min(rpm.size, _PRINTED)).round().astype(int))
+    # Most speeds that are printed; --json and --out have all
+    chosen = np.unique(np.linspace(0, rpm.size - 1, min(rpm.size, 11)).round().astype(int))
     senses = [whirl_name(found.turning(k)) for k in range(found.n_branches)]
     head = [f"{k + 1} {sense[:1].upper()}".strip() for k, sense in enumerate(senses)]
     every = [Column("", rpm, "1/min", ".1f"), *columns_of(head, found.frequency, show=".3f")]

@@ -31,8 +31,6 @@ RESULTS = Results(
     read={"records": "a record of time data"},
 )
 Floats = NDArray[np.float64]
-STILL_RINGING = 0.05
-"""A response whose level at the end of a block is above this part of its peak has not died away [-]."""
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -209,7 +207,8 @@ def _ringing(blocks: Floats, outputs: tuple[str, ...], window: str | None) -> li
         "into "
         "its FRF: give longer --hits, or --window exponential"
         for name, s in zip(outputs, level_at_end(blocks), strict=True)
-        if s > STILL_RINGING
+        # A response whose level at the end of a block is above this part of its peak has not died away [-]
+        if s > 0.05
     ]
 
 

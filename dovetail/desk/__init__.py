@@ -17,35 +17,3 @@ if TYPE_CHECKING:
     from dovetail.desk.views import VIEWS, Chosen, frequency_bars
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "HOST",
-    "MOST_STATES",
-    "VIEWS",
-    "Chosen",
-    "Desk",
-    "DeskState",
-    "Guard",
-    "History",
-    "Job",
-    "JournalError",
-    "MissingDeskError",
-    "Newest",
-    "Scale",
-    "Stair",
-    "by_hand",
-    "curve_changes",
-    "free_port",
-    "frequency_bars",
-    "held_out_of",
-    "journal_of",
-    "live_model",
-    "moved_map",
-    "read_journal",
-    "require_nicegui",
-    "save_study",
-    "tells",
-    "wait_for",
-    "write_desk_report",
-    "write_journal",
-]

@@ -26,8 +26,6 @@ from updating.live.ranking import Promise, RankedCandidates
 
 N_RANKED = 8
 """Best candidates that are listed [-]."""
-MOST_LEAVES = 600
-"""Candidates that the tree holds at most; of more, those of one spot [-]."""
 
 HEADER = """
 <div class="row items-center no-wrap full-width">
@@ -118,7 +116,8 @@ class CandidateList:
             return
         self._shown = now
         spots = [desk.spots[spot]] if spot else list(desk.spots.values())
-        whole = bool(spot) or len(desk.candidates) <= MOST_LEAVES
+        # Candidates that the tree holds at most; of more, those of one spot [-]
+        whole = bool(spot) or len(desk.candidates) <= 600
         missing = unstated(desk.study.model)
         nodes = []
         for one in spots:

@@ -15,8 +15,6 @@ from dovetail.report.words import effect_label, number
 from fem.model import Effect, Parameter, inverse, parameter_values
 from updating.live.weighing import Weighed, WeighedChannel
 
-THROTTLE = 0.03
-"""Least time between two positions that a slider sends while it is dragged [s]."""
 POSITION = "(e) => emit(e.target.value)"
 DRAGGED = """(e) => {{
   const [field, other] = e.target.closest('.desk-slider').querySelectorAll('.q-field input');
@@ -37,8 +35,6 @@ STEP = """(e) => {
 """Keys move a slider by 1/400 of its way: one without steps, which mouse and fits may leave anywhere."""
 Move = tuple[str, str, float]
 """Name of an added effect, its parameter, and the value that a slider is at."""
-N_TWINS = 4
-"""At most so many twins are offered [-]."""
 
 
 class EffectList:
@@ -184,7 +180,8 @@ class EffectList:
         slider.on(
             "input",
             lambda e: self._move((name, p.name, value_at(e.args))),
-            throttle=THROTTLE,
+            # Least time between two positions that a slider sends while it is dragged [s]
+            throttle=0.03,
             js_handler=DRAGGED.format(value=scale.javascript, lower=_js(p.lower), upper=_js(p.upper)),
         )
         slider.on("change", lambda e: self._release((name, p.name, value_at(e.args))), js_handler=POSITION)
@@ -290,7 +287,8 @@ class EffectList:
 
     def _twins(self, name: str) -> None:
         desk = self._desk
-        alike = desk.ranking.twins(name)[:N_TWINS]
+        # At most so many twins are offered [-]
+        alike = desk.ranking.twins(name)[:4]
         if not alike:
             return
         ui.label("Alternatives with a similar change of the FRFs:").classes("desk-note")

@@ -30,10 +30,6 @@ NEAR, MARK, JOINT_MARK = 24.0, 5.0, 8.0
 """A click picks a mark so near, and is on a mark, or on that of a joint, that is so near [pixel]."""
 MODE_HEAD = ("mode", "measured [Hz]", "computed [Hz]", "Δf [%]", "MAC", "ζ [%]")
 """Columns of the table of modes."""
-SHAPE_HEIGHT = 420
-"""Height of a figure of shapes [pixel]."""
-SHOWN_DB = 0.005
-"""Smallest difference of errors that their numbers show [dB]."""
 
 
 def model(desk: Desk, chosen: str, height: float) -> Figure:
@@ -103,7 +99,8 @@ def staircase(desk: Desk) -> Figure:
     """Return the errors after each step, with the present one where values were moved by hand since."""
     steps = [(s.label, s.fit_db, _known(s.held_out_db)) for s in desk.now.stairs]
     r = desk.shown.result
-    if abs(r.fit_db - steps[-1][1]) >= SHOWN_DB:
+    # Smallest difference of errors that their numbers show [dB]
+    if abs(r.fit_db - steps[-1][1]) >= 0.005:
         steps.append(("now", r.fit_db, _known(r.held_out_db)))
     return live.draw(search.staircase(steps, desk.shown.noise_db, height=300))
 
@@ -216,4 +213,5 @@ def shapes_figure(found: ComparedModes, i: int, j: int) -> Figure:
     k = found.computed.n_rigid + j
     shape = shape_at(found.measured.sensors, found.measured.modes.shapes[:, i])
     measured = {} if shape is None else {k: shape}
-    return modes_figure(found.model, found.computed, [k], measured=measured, height=SHAPE_HEIGHT)
+    # Height of a figure of shapes [pixel]
+    return modes_figure(found.model, found.computed, [k], measured=measured, height=420)

@@ -28,12 +28,8 @@ from dovetail.report.words import fault_text
 from updating.live.engine import Evaluation
 
 STYLE = Path(__file__).with_name("style.css")
-PAUSE = 0.35
-"""A slider that rests so long is let go of: its value becomes a state [s]."""
 LONGEST = 5.0
 """A figure that takes longer to be drawn is not waited for [s]."""
-MAP_SHARE = 0.25
-"""Share of the time that the error map takes while a slider moves: its cells take longer than curves [-]."""
 IN_SIGHT = """((box) => box.bottom > 0 && box.top < innerHeight && {call}.then(
   () => new Promise((painted) => requestAnimationFrame(() => setTimeout(painted)))))({box})"""
 """Calls a method of a figure that is in sight; ends when the browser has painted it."""
@@ -88,8 +84,6 @@ CLICKED = """(e) => {
   emit({marks, touched: {name, point, depth: seen(point)[2]}});
 }"""
 """Sends the marks of the model with their distances on the screen from a click [pixel] and their depths."""
-TICK = 0.2
-"""Seconds between two looks at running jobs [s]."""
 MODEL_HEIGHT = 400
 """[pixel]."""
 
@@ -141,7 +135,8 @@ class Page:
                 self._map_card()
                 self.sensors = SensorList(desk, self.act)
                 self.plan_view = PlanView(desk, self.searches.start)
-        ui.timer(TICK, self._look_at_jobs)
+        # Seconds between two looks at running jobs [s]
+        ui.timer(0.2, self._look_at_jobs)
         Keys({"undo": self._undo, "redo": self._redo, "save": self._save_dialog})
         self._tell_notes()
         self._show_numbers(self.desk.shown)
@@ -203,7 +198,8 @@ class Page:
         background_tasks.create(self._keep_later(move))
 
     async def _keep_later(self, move: Move) -> None:
-        await asyncio.sleep(PAUSE)
+        # A slider that rests so long is let go of: its value becomes a state [s]
+        await asyncio.sleep(0.35)
         if self._left is move:
             await self._newest.settled()
             self.keep_moved()
@@ -239,7 +235,9 @@ class Page:
         if time.monotonic() > self._map_due:
             begun = time.monotonic()
             await self._draw(self.map, "restyle", figures.moved_map(shown), [0])
-            self._map_due = time.monotonic() + (1 / MAP_SHARE - 1) * (time.monotonic() - begun)
+            # Share of the time that the error map takes while a slider moves: its cells take longer than
+            # curves [-]
+            self._map_due = time.monotonic() + (1 / 0.25 - 1) * (time.monotonic() - begun)
 
     async def _draw(self, plot: ui.plotly, method: str, *args: Any) -> None:
         """Call a method of a figure, if it is in sight, and wait until it is painted."""

@@ -12,8 +12,6 @@ from dovetail.desk.guard import Guard
 from dovetail.desk.session import Desk
 
 HOST = "127.0.0.1"
-PATIENCE = 60.0
-"""A tab that says nothing for so long is forgotten [s]."""
 
 
 class MissingDeskError(ValueError):
@@ -106,7 +104,8 @@ def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bo
         show_welcome_message=False,
         tailwind=False,
         uvicorn_logging_level="error",
-        reconnect_timeout=PATIENCE,
+        # A tab that says nothing for so long is forgotten [s]
+        reconnect_timeout=60.0,
         favicon="📐",
         language="en-US",
     )

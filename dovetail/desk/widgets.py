@@ -45,13 +45,9 @@ def check(word: str, value: bool, changed: Callable[[bool], None] | None = None)
     return labelled(made.props("dense"), word)
 
 
-def button(
-    text: str, work: Callable[[], Any], icon: str, *, label: str = "", hint: str = "", flat: bool = True
-) -> ui.button:
+def button(text: str, work: Callable[[], Any], icon: str, *, label: str = "", hint: str = "") -> ui.button:
     """Return a button with a text, an icon, and words for screen readers."""
-    made = ui.button(text, icon=icon, on_click=work).props(
-        f"no-caps dense {'flat' if flat else 'unelevated'}"
-    )
+    made = ui.button(text, icon=icon, on_click=work).props("no-caps dense flat")
     if hint:
         made.tooltip(hint)
     return labelled(made, label or text)

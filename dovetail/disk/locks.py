@@ -6,9 +6,6 @@ import socket
 from pathlib import Path
 from typing import BinaryIO
 
-_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL)
-"""Errors of file systems without locks, such as some network drives."""
-
 
 class Lock:
     """A lock on a file, which holds who has it.
@@ -39,7 +36,8 @@ class Lock:
             file.flush()
         except OSError as reason:
             file.close()
-            if reason.errno in _NO_LOCKS:
+            # Errors of file systems without locks, such as some network drives
+            if reason.errno in (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL):
                 return cls(path, None)
             raise
         return cls(path, file)

@@ -386,10 +386,6 @@ def _plain(value: Any) -> Any:
     return value
 
 
-PIPED_EVERY = 10.0
-"""A piped progress prints a line so often [s]."""
-
-
 class Progress:
     """A progress bar on a terminal, or a line every ten seconds where the output is piped.
 
@@ -421,7 +417,8 @@ class Progress:
         now, share = time.monotonic(), min(done / (total or 1), 1.0)
         minutes, seconds = divmod(int(now - self._start), 60)
         if isinstance(text, Lasting) or not self._bar:
-            if isinstance(text, Lasting) or now - self._last > PIPED_EVERY:
+            # A piped progress prints a line so often [s]
+            if isinstance(text, Lasting) or now - self._last > 10.0:
                 self.close()
                 self._last = now
                 print(f"{minutes:02d}:{seconds:02d} {text}", file=sys.stderr, flush=True)

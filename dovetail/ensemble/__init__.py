@@ -11,12 +11,3 @@ if TYPE_CHECKING:
     from dovetail.ensemble.samples import SampledModel, check, compute
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "PROBABILITIES",
-    "SampledModel",
-    "check",
-    "compute",
-    "run_bootstrap",
-    "run_ensemble",
-]

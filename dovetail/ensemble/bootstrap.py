@@ -27,9 +27,6 @@ JOURNAL = "bootstrap.jsonl"
 LEAST = 10
 """Refits below which there are no standard deviations [-]."""
 
-_EDGE = 1e-6
-"""Values closer to a bound than this, relatively, are at it [-]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bootstrap:
@@ -87,7 +84,8 @@ class Bootstrap:
     def at_bound(self) -> Floats:
         """Share of the refits at a bound, (n_par,)."""
         low, high = (np.array([getattr(p, k) for p in self.updated.parameters]) for k in ("lower", "upper"))
-        edge = _EDGE * np.abs(np.array([p.value for p in self.updated.parameters]))
+        # Values closer to a bound than this, relatively, are at it [-]
+        edge = 1e-6 * np.abs(np.array([p.value for p in self.updated.parameters]))
         return ((self.values <= low + edge) | (self.values >= high - edge)).mean(axis=0)
 
     @property

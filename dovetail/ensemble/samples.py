@@ -29,8 +29,6 @@ Complexes = NDArray[np.complex128]
 SILENT = 60 / DB_PER_NEPER
 """An FRF this far below the median level is zero by symmetry, as in a comparison [neper]."""
 
-FULL_TOLERANCE = 1e-8
-"""Error that full solutions may have, relative to the peak of each FRF [-]."""
 
 LEAST = 1e-300
 """Amplitudes of FRFs that are zero, for their logarithm."""
@@ -153,7 +151,8 @@ class SampledModel:
         if 0 in self.n_ends:
             return elastic, np.zeros((len(self.frequency), *self.n_ends))
         ends = self.outputs.T, self.inputs.T
-        H = compute_frf(system, self.frequency, *ends, FRFKind.RECEPTANCE, tolerance=FULL_TOLERANCE).H
+        # Error that full solutions may have, relative to the peak of each FRF [-]
+        H = compute_frf(system, self.frequency, *ends, FRFKind.RECEPTANCE, tolerance=1e-8).H
         return elastic, self._levels(self.engine.referred(H))
 
     def _levels(self, H: Complexes) -> Floats:

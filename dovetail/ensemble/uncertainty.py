@@ -13,9 +13,6 @@ from updating.inference.unknowns import ScaledUnknown, nuisance_unknowns
 
 Floats = NDArray[np.float64]
 
-MOST_KNOTS = 8
-"""Frequencies at which the damping ratio varies by itself, at most, as in a fit [-]."""
-
 
 @dataclass(frozen=True, slots=True)
 class Draw:
@@ -78,7 +75,8 @@ class Uncertainty:
         ModelError
             For a parameter that the model does not have, or that changes a constraint.
         """
-        n = int(np.clip(len(modes) // 2, 1, MOST_KNOTS))
+        # Frequencies at which the damping ratio varies by itself, at most, as in a fit [-]
+        n = int(np.clip(len(modes) // 2, 1, 8))
         knots = np.unique(np.quantile(modes, np.linspace(0, 1, n))) if len(modes) else np.ones(1)
         return cls(nuisance_unknowns(model, nuisances), knots, model.damping, damping_std)
 

@@ -26,32 +26,3 @@ if TYPE_CHECKING:
     from dovetail.file.writing import with_damping, with_effects, with_parameters
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "NEEDS",
-    "LazyComparison",
-    "MeasuredModes",
-    "at_speed",
-    "effect_table",
-    "element_size",
-    "fault_table",
-    "has_modes_alone",
-    "input_files",
-    "key_lines",
-    "naming_implausible",
-    "pieces_of",
-    "read_columns",
-    "read_mode_table",
-    "read_named_points",
-    "read_study",
-    "refine",
-    "rolled",
-    "section_rows",
-    "toml_value",
-    "with_damping",
-    "with_effects",
-    "with_parameters",
-    "with_paths",
-    "without_held_out",
-    "write_template",
-]

@@ -26,8 +26,6 @@ TOUCH = 1e-6
 MOST_ELEMENTS = 30_000
 """Elements of a mesh, unless the study allows more: their modes take some seconds and 0.6 GB."""
 
-PER_BENDING_WAVE = 12
-"""Elements per shortest bending wave: too stiff by (2π/12)⁴/1440 = 5e-5 in frequency there."""
 
 PER_OTHER_WAVE = 32
 """Elements per shortest axial or torsional wave, whose error is (2π/32)²/24 = 1.6e-3."""
@@ -408,7 +406,8 @@ def _size_of_section(p: MemberProperties, s: Section, frequency: float) -> float
     sizes = [np.sqrt(min(m.E, m.G * s.J / s.Ip) / m.rho) / frequency / PER_OTHER_WAVE]
     for I, k in ((s.Iy, s.kz), (s.Iz, s.ky)):
         wave = (m.rho * s.A / (m.E * I)) ** 0.25 * np.sqrt(omega)  # the square of a slip may overflow
-        sizes.append(2 * np.pi / wave / PER_BENDING_WAVE)
+        # Elements per shortest bending wave: too stiff by (2π/12)⁴/1440 = 5e-5 in frequency there
+        sizes.append(2 * np.pi / wave / 12)
         phi = m.E * I * wave**2 / (k * m.G * s.A) if k > 0 and p.theory == "timoshenko" else 0.0
         if phi > 0:
             sizes.append(np.sqrt(24 * SHEAR_ERROR * (1 + phi) / phi) / wave)

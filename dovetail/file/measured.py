@@ -24,9 +24,6 @@ from updating.measurement.measurement import at_values_of
 from updating.measurement.noise import noise_from_repeats
 from updating.quality.phase import phase_evidence
 
-COHERENCE_TYPE = 6
-"""Function type of a coherence in universal files."""
-
 """Kind of FRFs of accelerations for an acceleration of the base: as accelerances for a force of 1."""
 
 G0 = 9.80665
@@ -290,9 +287,8 @@ def _coherence_in(functions: Sequence[Function], frf: FRF) -> NDArray[np.float64
     out = np.full(frf.H.shape, np.nan)
     for f in functions:
         if (
-            f.function_type != COHERENCE_TYPE
-            or f.response not in frf.outputs
-            or f.reference not in frf.inputs
+            # Function type of a coherence in universal files
+            f.function_type != 6 or f.response not in frf.outputs or f.reference not in frf.inputs
         ):
             continue
         if f.x.shape == frf.frequency.shape and np.allclose(f.x, frf.frequency, rtol=1e-6, atol=0):

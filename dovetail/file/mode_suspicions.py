@@ -14,18 +14,8 @@ from fem.system import assemble
 from updating.inference.mode_targets import mac_of
 from updating.measurement.measurement import sensor_rows
 
-LARGEST_ZETA = 0.2
-"""Median damping ratio above which ratios look like percent [-]."""
-LARGEST_STD = 0.3
-"""Relative standard deviation of a frequency above which it looks like percent or Hz [-]."""
 SAME_SHAPE = 0.999
 """MAC of two shapes of one frequency that are one mode given twice [-]."""
-LEAST_PARTNER_MAC = 0.8
-"""Least MAC of a measured mode and the model's mode whose frequencies are compared [-]."""
-NEAR_UNIT = 0.3
-"""Largest deviation of ln(measured / computed) from that of another unit [-]."""
-LARGEST_SCATTER = 0.15
-"""Largest median deviation of these logarithms from their median, above which no unit is at fault [-]."""
 MORE_MODES = 10
 """Modes of the model beyond the number of measured ones."""
 
@@ -43,7 +33,8 @@ def _ratios(measured: MeasuredModes) -> str:
     """Return that damping ratios look like percent."""
     zeta = measured.modes.zeta
     known = np.zeros(0) if zeta is None else zeta[np.isfinite(zeta)]
-    if not known.size or np.median(known) <= LARGEST_ZETA:
+    # Median damping ratio above which ratios look like percent [-]
+    if not known.size or np.median(known) <= 0.2:
         return ""
     return (
         f"the damping ratios are {known.min():.3g} to {known.max():.3g}; are they in percent? 1 % is 0.01, "
@@ -54,7 +45,8 @@ def _ratios(measured: MeasuredModes) -> str:
 def _deviations(measured: MeasuredModes) -> str:
     """Return that standard deviations look like percent or Hz."""
     largest = float(measured.frequency_std.max(initial=0.0))
-    if largest <= LARGEST_STD:
+    # Relative standard deviation of a frequency above which it looks like percent or Hz [-]
+    if largest <= 0.3:
         return ""
     return (
         f"frequency_std is {largest:.3g}, {100 * largest:.3g} % of the frequency; is it in percent or Hz? "
@@ -100,11 +92,13 @@ def _unit(measured: MeasuredModes, model: Model) -> str:
     if not ratio.size or not f.size:
         return ""
     level = float(np.median(ratio))
-    if np.median(np.abs(ratio - level)) > LARGEST_SCATTER:
+    # Largest median deviation of these logarithms from their median, above which no unit is at fault [-]
+    if np.median(np.abs(ratio - level)) > 0.15:
         return ""
     others = {unit: size for unit, size in FREQUENCY_UNITS.items() if size != 1 and unit != "cpm"}
     unit = min(others, key=lambda u: abs(level + np.log(others[u])))
-    if abs(level + np.log(others[unit])) > NEAR_UNIT:
+    # Largest deviation of ln(measured / computed) from that of another unit [-]
+    if abs(level + np.log(others[unit])) > 0.3:
         return ""
     return (
         f"the natural frequencies, {f[0]:.4g} to {f[-1]:.4g} Hz, are {np.exp(level):.3g} times the model's: "
@@ -119,7 +113,8 @@ def _over_computed(measured: MeasuredModes, computed: Modes, model: Model) -> Fl
     shapes = computed.shapes[:, computed.n_rigid :]
     if measured.has_shapes:
         alike = mac_of(measured.modes.shapes, sensor_rows(model, measured.sensors) @ shapes)
-        return np.log(f / elastic[alike.argmax(axis=1)])[alike.max(axis=1) >= LEAST_PARTNER_MAC]
+        # Least MAC of a measured mode and the model's mode whose frequencies are compared [-]
+        return np.log(f / elastic[alike.argmax(axis=1)])[alike.max(axis=1) >= 0.8]
     if measured.numbers:
         known = np.array(measured.numbers) - 1
         return np.log(f[known < elastic.size] / elastic[known[known < elastic.size]])

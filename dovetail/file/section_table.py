@@ -157,10 +157,5 @@ def _column(file: str, title: str) -> tuple[str, float | None]:
 
 
 def _number(source: SensorRows, row: int, key: str, cell: str, scale: float) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = float("nan")
-    if not abs(value) < float("inf"):
-        raise source.error((row, key), f"'{cell}' is not allowed; a number is needed")
+    value = source.number(row, key, cell)
     return int(value) if key == "n" and value == int(value) else value * scale

@@ -19,8 +19,6 @@ CLUSTERED = 0.01
 TWICE = 0.026
 """The same where the structure has all places without the unit of the heading: 1 inch is 0.0254 m [-]."""
 
-ONE_PLACE = 2e-3
-"""The same below which they are suspicious in any unit: several sensors have no room there [-]."""
 
 _LEAST_PLACES = 3
 _FACTORS = tuple({a / b for a in SCALES.values() for b in SCALES.values()} - {1.0})
@@ -75,7 +73,8 @@ def refuse_or_suspect_places(
             )
             raise table.error("point" if "x" not in _columns(table) else "x", text)
         return []
-    if not remedy and extent > ONE_PLACE * mesh.size:
+    # Extent below which places are suspicious in any unit: several sensors have no room there [-]
+    if not remedy and extent > 2e-3 * mesh.size:
         return []
     remedy = remedy or ": they show the motion of one place; look at their coordinates and their unit"
     text = (

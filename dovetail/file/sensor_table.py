@@ -53,6 +53,16 @@ class SensorRows(Source):
         column = f", column {self.columns.get(key, key)}" if key else ""
         return f"{self.file}{row}{column}"
 
+    def number(self, row: int, key: str, cell: str) -> float:
+        """Return the number of a cell."""
+        try:
+            value = float(cell)
+        except ValueError:
+            value = float("nan")
+        if not abs(value) < float("inf"):
+            raise self.error((row, key), f"'{cell}' is not allowed; a number is needed")
+        return value
+
 
 def sensor_tables(t: StudyTable, folder: Path, notes: list[str]) -> Iterator[StudyTable]:
     """Yield ``[[sensors]]`` or ``[[excitations]]`` as they are, or the rows of the file that one names.
@@ -193,7 +203,7 @@ def _values(
                 raise source.error((row, key), f"'{cell}' is not allowed; true or false is needed")
             out[key] = cell.lower() in ("true", "1", "yes")
         else:
-            out[key] = _number(source, row, key, cell) * units.get(key, 1.0)
+            out[key] = source.number(row, key, cell) * units.get(key, 1.0)
     if "node" in out:
         if out["node"] != int(out["node"]):
             raise source.error((row, "node"), f"'{cells['node']}' is not allowed; a whole number is needed")
@@ -210,16 +220,6 @@ def _values(
             raise source.error((row, key), f"'{out[key]}' is given together with {others}; give one of them")
         out[key] = [out.pop(k) for k in group]
     return out
-
-
-def _number(source: SensorRows, row: int, key: str, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = float("nan")
-    if not abs(value) < float("inf"):
-        raise source.error((row, key), f"'{cell}' is not allowed; a number is needed")
-    return value
 
 
 def _by_direction(source: SensorRows, row: int, values: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -49,16 +49,8 @@ STILL = 1e-3
 
 LARGE_FACTOR = 2.5
 """Ratio of measured to computed FRFs beyond which a word is said [-]."""
-SUSPECT_FACTOR = 1.5
-"""A unit is named if it explains the ratio up to this factor [-]."""
-POOR_DECADES = 0.15
-"""Median misfit of the amplitudes, levels aside, above which other frequency axes are tried (3 dB)."""
 
-_MOVES = 1e-4
-"""Share of the largest FRF's size below which one of the model does not tell a unit."""
-_MOST_LINES = 240
 _LEAST_LINES = 8
-_SHARE_LINES = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +147,7 @@ class LazyComparison:
         forces = sensor_rows(model, m.excitations).T
         rows = sensor_rows(model, m.sensors) / np.array([s.gain for s in m.sensors])[:, None]
         shares = []
-        for f in np.quantile(frequency, np.linspace(0.1, 0.9, _SHARE_LINES)):
+        for f in np.quantile(frequency, np.linspace(0.1, 0.9, 5)):
             Z = system.dynamic_stiffness(2 * np.pi * f)
             u = np.asarray(system.Q @ factorise(Z).solve(system.Q.T @ forces))
             moved = np.abs(u[: 6 * n_points].reshape(n_points, 6, -1)[:, :3])
@@ -166,7 +158,7 @@ class LazyComparison:
     @cached_property
     def _lines(self) -> NDArray[np.int64]:
         usable = np.flatnonzero(self.measurement.frf.frequency > 0)
-        return usable[np.unique(np.linspace(0, usable.size - 1, min(usable.size, _MOST_LINES)).astype(int))]
+        return usable[np.unique(np.linspace(0, usable.size - 1, min(usable.size, 240)).astype(int))]
 
     @cached_property
     def _computed(self) -> Callable[[NDArray[np.float64]], NDArray[np.complex128]]:
@@ -208,7 +200,8 @@ def _ratio_to_model(
     largest = np.zeros(size.shape)
     for alike in (strain, ~strain):
         largest[alike] = size[alike].max(initial=0.0)
-    there = (H != 0) & (size > _MOVES * largest)
+    # Share of the largest FRF's size below which one of the model does not tell a unit
+    there = (H != 0) & (size > 1e-4 * largest)
     ratio = np.where(there, measured / np.where(there, H, 1.0), complex("nan"))
     return RatioToModel(frequency, ratio, H)
 
@@ -247,7 +240,8 @@ def _axis_words(comparison: LazyComparison, to_model: RatioToModel, given: str) 
 
     ``given`` is the unit that the study says.
     """
-    if not to_model.misfit > POOR_DECADES:
+    # Median misfit of the amplitudes, levels aside, above which other frequency axes are tried (3 dB)
+    if not to_model.misfit > 0.15:
         return ""
     best, name = 0.5 * to_model.misfit, ""
     size = FREQUENCY_UNITS[given]
@@ -306,7 +300,8 @@ def _size_words(comparison: LazyComparison, to_model: RatioToModel, evidence: Ph
     suspects = RATIO_SUSPECTS if driven else SUSPECTS
     distance, suspect, suspicion = min((abs(level - np.log10(f)), f, text) for f, text in suspects)
     data = "their unit is wrong"
-    if distance < np.log10(SUSPECT_FACTOR):
+    # A unit is named if it explains the ratio up to this factor [-]
+    if distance < np.log10(1.5):
         data = f"they are {suspicion.format(driven)} (scale = {1 / suspect:.6g} corrects that)"
     off = f"{max(factor, 1 / factor):.3g} times too {'light and soft' if factor < 1 else 'heavy and stiff'}"
     model = f"is as if {off}; look at its sections, densities, masses, joints and damping"

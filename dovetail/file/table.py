@@ -17,8 +17,6 @@ from fem.directions import direction_vector, directions_from
 MOST = 2**63 - 1
 """Largest whole number that is read."""
 
-_MOST_MISSING = 8
-"""Missing keys of one table that values stand in for, to find its unknown keys."""
 
 MISSING: Any = object()
 """Default of a key that must be given."""
@@ -301,7 +299,8 @@ def with_unknown_keys(
         Reads such values, and raises as a study does.
     """
     filled, absent = values, missing
-    for _ in range(_MOST_MISSING):
+    # Missing keys of one table that values stand in for, to find its unknown keys
+    for _ in range(8):
         found, trial = None, filled
         for value in _stand_ins(absent, values):
             trial = copy.deepcopy(filled)

@@ -12,15 +12,3 @@ if TYPE_CHECKING:
     from dovetail.fleet.typical import between_units, typical_measurement
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "Fleet",
-    "PopulationError",
-    "Triaged",
-    "between_units",
-    "cause_text",
-    "diagnose_outliers",
-    "find_population",
-    "run_fleet",
-    "typical_measurement",
-]

@@ -20,9 +20,6 @@ Floats = NDArray[np.float64]
 
 ITERATIONS, CHANGE = 200, 1e-6
 """Steps at most, and the change of all probabilities at which they end [-]."""
-UNRELATED = 5 * np.pi**2 / 12
-"""Mean square |ln(a / b)| of unrelated FRFs, a and b independent complex normal: π²/12 in amplitude, π²/3 in
-phase [-]."""
 GAUSSIAN = 1.4826
 """Standard deviation of a normal quantity over its median absolute deviation [-]."""
 
@@ -123,7 +120,9 @@ def find_population(
     mean, scatter = np.median(y, axis=0), np.diag(np.maximum(deviation**2, 1e-12))
     a = float(np.median(log_rest))
     b = float(GAUSSIAN * np.median(np.abs(log_rest - a)))
-    unrelated = float(np.log(np.nanmean(UNRELATED / (2 * spread**2))))
+    # Mean square |ln(a / b)| of unrelated FRFs, a and b independent complex normal: π²/12 in amplitude, π²/3
+    # in phase [-]
+    unrelated = float(np.log(np.nanmean((5 * np.pi**2 / 12) / (2 * spread**2))))
     share, odds, parameters = 0.05, np.zeros(n_units), np.zeros(n_units)
     regular, distance = np.ones(n_units), np.zeros(n_units)
     for _ in range(ITERATIONS):

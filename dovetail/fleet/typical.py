@@ -12,7 +12,6 @@ from dovetail.fleet.population import GAUSSIAN, Population
 from dovetail.fleet.run import Triaged
 from dovetail.fleet.triage import PILOT, WIDER, Fleet
 from dovetail.pipeline import fit_settings
-from fem.analysis.frf import FRF
 from updating.diagnosis.carried import CHANGED, Between, CalibratedFrfs
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
@@ -89,10 +88,9 @@ def typical_measurement(triaged: Triaged) -> Measurement:
     common = np.where(known, median[0] + 1j * median[1], 0.0)
     data = fleet.problem.data
     H, frf = fleet.problem.receptance(_at_mean(fleet, p)) * np.exp(-common), data.measurement.frf
-    typical = FRF.from_arrays(data.frequency, H, "receptance", frf.outputs, frf.inputs, frf.base, frf.strain)
     return replace(
         data.measurement,
-        frf=typical.as_kind(frf.kind),
+        frf=frf.with_receptances(H, data.frequency),
         name="typical unit",
         coherence=None,
         averages=None,

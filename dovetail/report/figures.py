@@ -2,7 +2,7 @@
 
 import zlib
 from base64 import b64encode
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,13 +53,9 @@ GAP = -32768
 MOST_MODES, MOST_MODE_VALUES = 40, 1_000_000
 """Modes that move in the report, and numbers of all their surfaces together."""
 
-Say = Callable[[str, float], None]
 
-
-def make_all(result: RunResult[Verdict], say: Say | None = None) -> Figures:
+def make_all(result: RunResult[Verdict]) -> Figures:
     """Make every interactive figure of a report."""
-    if say:
-        say("making figures", 0.95)
     out, d = Figures(), result.diagnosis
     out.add("model", lambda: _model(result))
     out.add("staircase", lambda: staircase.figure(d, height=430))

@@ -13,12 +13,6 @@ from joint.assembly_fit import Estimate
 from joint.form import LAWS
 from updating.inference.belief import FAR_STD
 
-MODEL_ERROR_GOVERNS = 0.08
-"""Error of an FRF beside the model's beyond which the model's own error governs the values [-]."""
-
-POOR = 3.0
-"""Misfit beyond which the values are those of no right model [dB]."""
-
 _WORDS = {"K": "k", "C": "c", "D": "d", **dict.fromkeys(LAWS, "k")}
 
 
@@ -161,13 +155,15 @@ def _open(found: Estimate) -> list[str]:
             "standard deviations, so the model is wrong at these frequencies"
         )
     worst = max(error for _, error in found.stages[-1].levels)
-    if found.misfit_db > POOR:
+    # Misfit beyond which the values are those of no right model [dB]
+    if found.misfit_db > 3.0:
         out.append(
             f"  a misfit of {found.misfit_db:.1f} dB is too large for a correct model. Do not rely on these "
             "values, which are the best that were found. Name other directions, or search for a missing "
             "effect with dovetail run"
         )
-    elif worst > MODEL_ERROR_GOVERNS:
+    # Error of an FRF beside the model's beyond which the model's own error governs the values [-]
+    elif worst > 0.08:
         out.append(
             f"  the model misses these FRFs by up to {worst:.0%}, which is more than noise. The intervals "
             "allow for it as one error of the frequency of each mode"

@@ -31,8 +31,6 @@ from dovetail.report.outline import ID, packed_outline
 MIME = {".png": "image/png", ".gif": "image/gif"}
 
 CSS = (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
-_QUALITY = 82
-"""Of pictures in the page; the files beside it are whole."""
 
 
 class Markup(str):
@@ -200,7 +198,8 @@ def _embedded(file: Path) -> tuple[str, bytes]:
     if file.suffix == ".png" and features.check("webp"):
         with Image.open(file) as drawn:
             buffer = BytesIO()
-            drawn.convert("RGB").save(buffer, "webp", quality=_QUALITY, method=4)
+            # of pictures in the page; the files beside it are whole
+            drawn.convert("RGB").save(buffer, "webp", quality=82, method=4)
         if buffer.tell() < len(content):
             return "image/webp", buffer.getvalue()
     return MIME[file.suffix], content

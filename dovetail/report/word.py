@@ -10,8 +10,6 @@ from fem.io.atomic import replacing
 
 WIDTH = 6.3
 """Width of the text on the page [inch]."""
-WIDE_TABLE = 5
-"""Tables of more columns are set in smaller type."""
 
 
 def write_docx(outline: Outline, path: Path) -> None:
@@ -82,7 +80,8 @@ def _add_table(document: Any, block: TableBlock) -> None:
     rows = ([block.head] if headed else []) + list(block.rows)
     table = document.add_table(rows=len(rows), cols=max(map(len, rows)))
     table.style = "Light List Accent 1" if headed else "Normal Table"
-    size = shared.Pt(8 if len(block.head) > WIDE_TABLE else 9.5)
+    # Tables of more columns are set in smaller type
+    size = shared.Pt(8 if len(block.head) > 5 else 9.5)
     for row, cells in zip(rows, table.rows, strict=True):
         for k, (text, cell) in enumerate(zip(row, cells.cells, strict=False)):
             paragraph = cell.paragraphs[0]

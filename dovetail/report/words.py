@@ -531,20 +531,20 @@ def unstated_text(model: Model) -> list[str]:
     ]
 
 
-def _worst_sensors(result: RunResult[Verdict], n: int = 3) -> list[str]:
+def _worst_sensors(result: RunResult[Verdict]) -> list[str]:
     where = result.localisation
     if where is None:
         return []
     known = [
         (db, name) for db, name in zip(where.by_sensor_db, where.sensors, strict=True) if math.isfinite(db)
     ]
-    worst = ", ".join(f"{name} ({db:.1f} dB)" for db, name in sorted(known, reverse=True)[:n])
+    worst = ", ".join(f"{name} ({db:.1f} dB)" for db, name in sorted(known, reverse=True)[:3])
     return [
         f"Look at the sensors that fit worst: {worst}. Check their place, direction, cable and calibration."
     ]
 
 
-def _best_places(result: RunResult[Verdict], n: int = 3, least: float = 0.05) -> list[str]:
+def _best_places(result: RunResult[Verdict]) -> list[str]:
     where = result.localisation
     if where is None or not where.says_where:
         return []
@@ -552,5 +552,5 @@ def _best_places(result: RunResult[Verdict], n: int = 3, least: float = 0.05) ->
         *((s, f"member {m}") for m, s in where.members.items()),
         *((s, place(p)) for p, s in where.places),
     ]
-    best = [f"{name} ({100 * s:.0f}\u00a0%)" for s, name in sorted(shares, reverse=True)[:n] if s >= least]
+    best = [f"{name} ({100 * s:.0f}\u00a0%)" for s, name in sorted(shares, reverse=True)[:3] if s >= 0.05]
     return [f"Shares of the misfit that a change there would explain: {', '.join(best)}."] if best else []

@@ -20,24 +20,3 @@ if TYPE_CHECKING:
     from dovetail.units.work import WorkStep, duration, work_through
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "LOCK_FILE",
-    "PROCESS_ENDED",
-    "FolderError",
-    "Journal",
-    "Outcome",
-    "Pool",
-    "PoolError",
-    "Record",
-    "ThisProcess",
-    "WorkStep",
-    "alone_in",
-    "duration",
-    "fingerprint",
-    "json_lines",
-    "outcome_of",
-    "pool_of",
-    "read_records",
-    "work_through",
-]

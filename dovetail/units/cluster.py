@@ -20,11 +20,6 @@ from dovetail.units.program import fingerprint
 CONNECT_SECONDS = 20
 """Longest wait for an answer of the scheduler [s]."""
 
-AHEAD = 4
-"""Units that the scheduler holds for each thread of the workers [-]."""
-
-LEAST_AHEAD = 256
-"""Units that it holds at least: workers may join later [-]."""
 
 KILLED = f"{PROCESS_ENDED}, on two workers"
 
@@ -63,7 +58,10 @@ class ClusterPool:
         threads = sum(self.client.nthreads().values())
         with _no_second_worker(self.client):
             for outcome in self._together(
-                self._call(function, payload), units, max(AHEAD * threads, LEAST_AHEAD)
+                # the scheduler holds 4 units for each thread, and 256 at least: workers may join later
+                self._call(function, payload),
+                units,
+                max(4 * threads, 256),
             ):
                 if outcome.failure == KILLED:
                     suspects.append(outcome.unit)

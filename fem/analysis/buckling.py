@@ -28,9 +28,6 @@ SIGNS = ("positive", "negative", "both")
 ROUNDING = 1e-10
 """Eigenvalues μ up to this part of the largest of either sign are rounding [-]."""
 
-MOST_RESTARTS = 200
-"""Restarts of Lanczos, which needs fewer than 20 unless it is asked to converge on rounding."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BucklingModes:
@@ -235,7 +232,8 @@ def _by_lanczos(
             which=which,
             v0=random.standard_normal(n_free),
             tol=1e-12,
-            maxiter=MOST_RESTARTS,
+            # Restarts of Lanczos, which needs fewer than 20 unless it is asked to converge on rounding
+            maxiter=200,
         )
         more, found = _sorted(more, found, n_free, sign, floor)
         if not repeated:

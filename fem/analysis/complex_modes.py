@@ -31,11 +31,6 @@ DENSE_LIMIT = 120
 TOLERANCE = 1e-8
 """Residual of a pole, relative to its own equation; the error of s is of its square."""
 
-ROUNDING_FACTOR = 16.0
-"""Residuals up to this multiple of the rounding of their own terms count as converged [-]."""
-
-ROUNDING_LIMIT = 1e-6
-"""Residuals above this do not count as converged, even if they are rounding [-]."""
 
 _EQUAL = 1e-7
 """Relative distance below which poles count as equal."""
@@ -180,7 +175,9 @@ class _Residual(NamedTuple):
     @property
     def converged(self) -> bool:
         """Whether no more can be reached, and the pole is right to a part in a million."""
-        return self.size <= max(TOLERANCE, min(ROUNDING_FACTOR * self.rounding, ROUNDING_LIMIT))
+        # Residuals up to this multiple of the rounding of their own terms count as converged [-]
+        # Residuals above this do not count as converged, even if they are rounding [-]
+        return self.size <= max(TOLERANCE, min(16.0 * self.rounding, 1e-6))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,9 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from fem.model import DIRECTIONS, Model, ModelError
 from fem.summary import fields_summary
 
-_UNEVEN = 1e-4
-"""Steps that differ by less than this part of their mean are equal: times in files are rounded [-]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excitation:
@@ -59,7 +56,8 @@ class Excitation:
             msg = "times must be two or more finite numbers that increase [s]"
             raise ModelError(msg)
         step = np.diff(t)
-        if np.ptp(step) > _UNEVEN * step.mean():
+        # Steps that differ by less than this part of their mean are equal: times in files are rounded [-]
+        if np.ptp(step) > 1e-4 * step.mean():
             msg = (
                 f"times have steps from {step.min():.6g} to {step.max():.6g} s; equal ones are needed: "
                 "interpolate the excitation first"

@@ -308,6 +308,12 @@ class FRF:
         """Angular frequencies, shape (n_freq,) [rad/s]."""
         return 2 * np.pi * self.frequency
 
+    def with_receptances(self, H: ArrayLike, frequency: ArrayLike | None = None) -> "FRF":
+        """Return FRFs of the same channels and kind, from receptances on these lines or others [Hz]."""
+        lines = self.frequency if frequency is None else frequency
+        frf = FRF.from_arrays(lines, H, FRFKind.RECEPTANCE, self.outputs, self.inputs, self.base, self.strain)
+        return frf.as_kind(self.kind)
+
     def as_kind(self, kind: FRFKind | str) -> "FRF":
         """Convert between receptance, mobility and accelerance by powers of iω; strains stay as they are.
 

@@ -44,12 +44,6 @@ _STEPS = 12
 _RESERVE = 0.5
 """The bound is brought below this part of the tolerance at the lines that are watched."""
 
-_WIDE_STEPS = 6
-"""Blocks of Krylov vectors where no bound is known."""
-
-_SMALL_LEVEL = 1e-3
-"""Part of the level that an FRF's places could give: smaller FRFs (zero by symmetry) are judged by it."""
-
 
 def compute_frf(
     system: System,
@@ -265,7 +259,8 @@ class _Task:
             return np.nan
         power = omega[:, None, None] ** self.kind.derivatives
         peak, error = (np.abs(H) * power).max(axis=0), (bound * power).max(axis=0)
-        level = _SMALL_LEVEL * _possible(s, omega, self.kind.derivatives)
+        # Part of the level that an FRF's places could give: smaller FRFs (zero by symmetry) are judged by it
+        level = 1e-3 * _possible(s, omega, self.kind.derivatives)
         return float((error / np.maximum(np.maximum(peak, level), 1e-300)).max(initial=0.0))
 
 
@@ -353,7 +348,8 @@ def _reduced(task: _Task, local: Locals) -> Superposition:
         return on(None)
     more = complement(system, pairs, loads)
     if local.wide:
-        for _ in range(_WIDE_STEPS - 1):
+        # Blocks of Krylov vectors after the first, where no bound is known
+        for _ in range(5):
             more = extended(system, pairs, more, loads)
         return on(more)
     omega = task.omega[task.sample(pairs.eigenvalues)]

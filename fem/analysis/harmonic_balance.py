@@ -19,10 +19,6 @@ from numpy.typing import NDArray
 
 _GRID = np.geomspace(1e-4, 1e4, 97)
 """Amplitudes at which a solution is looked for, in multiples of that without the element."""
-_BISECTIONS = 40
-_SECTIONS = 24
-_LEAST = 1e-100
-"""Least amplitude, for forces that do not move the element: one whose square is not 0 [m or rad]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -154,7 +150,7 @@ def _with_turns(grid: Floats, excess: Callable[[Floats], Floats]) -> tuple[Float
         turning = (e[1:-1] > 0) & (e[1:-1] <= e[:-2]) & (e[1:-1] <= e[2:])
         i = np.argmin(np.where(turning, e[1:-1], np.inf), axis=0)[None]
         low, high = (np.take_along_axis(grid, i + k, axis=0)[0] for k in (0, 2))
-        for _ in range(_SECTIONS):
+        for _ in range(24):
             third = np.cbrt(high / low)
             left, right = low * third, high / third
             nearer = sign * excess(left) < sign * excess(right)
@@ -190,7 +186,8 @@ def solve_steady(
         k = element.stiffness_at(a)
         q = k / (1 + k * part.g[:, None])
         return Steady(part.H - part.c[:, :, None] * (q * part.h)[:, None, :], a, part, element, q)
-    free = np.maximum(force * np.abs(part.h), _LEAST)
+    # Least amplitude, for forces that do not move the element: one whose square is not 0 [m or rad]
+    free = np.maximum(force * np.abs(part.h), 1e-100)
 
     def excess(a: Floats) -> Floats:
         """Return a |1 + k(a) g| - F |h| over F |h|, for a (…, n_freq, n_in)."""
@@ -206,7 +203,7 @@ def solve_steady(
     for at in (last, first):
         low = np.take_along_axis(grid, at[None], axis=0)[0]
         high = np.take_along_axis(grid, at[None] + 1, axis=0)[0]
-        for _ in range(_BISECTIONS):
+        for _ in range(40):
             middle = np.sqrt(low * high)
             beyond = excess(middle) > 0
             low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)

@@ -20,9 +20,6 @@ from fem.elements.quadrature import gauss_points
 from fem.mesh import Location
 from fem.model import Contribution, Model, ModelError
 
-N_WEIGHT_STRETCHES = 32
-"""Stretches of a tapered line along which its weight is linear."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineAxes:
@@ -247,7 +244,8 @@ def _mass_along(
     model: Model, line: int, first: float, last: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return places on a tapered line, and its mass per length there relative to the mean."""
-    x = np.linspace(0, 1, N_WEIGHT_STRETCHES + 1)
+    # Stretches of a tapered line along which its weight is linear
+    x = np.linspace(0, 1, 32 + 1)
     area = rigidity_at(model, line, first + x * (last - first))[:, 0]
     return x, area / np.trapezoid(area, x)
 

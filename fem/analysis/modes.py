@@ -27,9 +27,6 @@ DENSE_LIMIT = 300
 _ROUNDING = 1e-14
 """Negative stiffness of a motion up to this part of its elements' stiffness, or mass, is rounding [-]."""
 
-_LOWEST = 1e3
-"""The shift goes no deeper than this multiple of the order of the highest eigenvalues [-]."""
-
 
 class MechanismError(ModelError):
     """A structure with motions that nothing opposes besides its rigid-body motions.
@@ -436,7 +433,8 @@ def _shifted(system: System) -> tuple[float, Factor, float | None, int]:
 
 def _below_all(system: System, shift: float, like: Factor | None = None) -> tuple[float, Factor]:
     """Return a shift, multiplied by ten until it lies below all eigenvalues, and the factor of K - σM."""
-    while -shift <= _LOWEST * _highest(system):
+    # The shift goes no deeper than this multiple of the order of the highest eigenvalues [-]
+    while -shift <= 1e3 * _highest(system):
         shifted = system.K - shift * system.M
         with suppress(SingularMatrixError):
             like = factorise(shifted, like)

@@ -27,8 +27,6 @@ _ROUNDING = 1e-7
 """Force relative to the largest, below which a bar carries nothing."""
 _DIGITS = 1e-14
 """Part of stiffness times displacement that rounding leaves of a force that is 0 [-]."""
-_SOLE_SUPPORT = 1e-4
-"""Force of a slack bar relative to the largest, above which nothing else carries the load."""
 _ROUNDS = 200
 
 
@@ -116,7 +114,8 @@ def _refuse_mechanism(
 ) -> None:
     """Raise an error where a slack bar still carries a part of the load: nothing else does."""
     carried = np.where(slack, np.abs(N), 0.0)
-    if slack.any() and carried.max() > _SOLE_SUPPORT * size:
+    # Force of a slack bar relative to the largest, above which nothing else carries the load
+    if slack.any() and carried.max() > 1e-4 * size:
         name = names[int(carried.argmax())]
         msg = (
             f"load case '{case.name}': bar '{name}' goes slack, and nothing else holds the structure against "

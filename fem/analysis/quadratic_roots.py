@@ -10,10 +10,6 @@ from numpy.typing import NDArray
 from fem.model import Law
 from fem.system import law_change
 
-_LAW_ROUNDS = 60
-_MATCH = 1e-9
-"""Relative distance below which two roots with equal vectors are one."""
-
 Laws = Sequence[tuple[Law, NDArray[np.float64]]]
 
 
@@ -77,7 +73,7 @@ def _unit(X: NDArray[Any]) -> NDArray[np.complex128]:
 def with_laws(problem: QuadraticPencil, root: Root) -> Root:
     """Iterate a root until the laws are those of its damped frequency."""
     M = problem.M
-    for _ in range(_LAW_ROUNDS):
+    for _ in range(60):
         above = [r for r in all_roots(problem, abs(root.s.imag)) if r.s.imag >= 0]
         # the same mode: most alike by mass, not farther than it must be
         X = np.column_stack([r.right for r in above])
@@ -98,7 +94,8 @@ def different(roots: Sequence[Root], M: NDArray[Any]) -> list[Root]:
     for root in roots:
         mass = np.sqrt(np.real(np.vdot(root.right, M @ root.right)))
         twice = any(
-            abs(root.s - known.s) < _MATCH * abs(root.s)
+            # Relative distance below which two roots with equal vectors are one
+            abs(root.s - known.s) < 1e-9 * abs(root.s)
             and abs(np.vdot(root.right, M @ known.right))
             > 0.99 * mass * np.sqrt(np.real(np.vdot(known.right, M @ known.right)))
             for known in out

@@ -27,9 +27,6 @@ RESPONSES = ("displacement", "velocity", "acceleration")
 
 _STEP = 0.125
 """Of arsinh x, x the distance from a mode in half bandwidths [-]."""
-_PER_OCTAVE = 24
-_MORE_WHIRLING = 6
-"""Modes of a rotor beyond those of it at rest: backward whirl lowers the frequencies of some."""
 _LEAST_RATIO = 1e-5
 
 Floats = NDArray[np.float64]
@@ -162,11 +159,13 @@ def resonance_lines(system: System, low: float, high: float, corners: ArrayLike 
         zeta = compute_energies(system.model, modes).zeta  # local dampers included
         f, z = modes.frequency[keep], np.maximum(zeta[keep], _LEAST_RATIO)
     else:  # a rotor's frequencies split with its speed, some into the band
-        poles = solve_complex_modes(system, int(keep.sum()) + _MORE_WHIRLING).poles
+        # Modes of a rotor beyond those of it at rest: backward whirl lowers the frequencies of some
+        poles = solve_complex_modes(system, int(keep.sum()) + 6).poles
         poles = poles[poles.imag > 0]
         f, z = np.abs(poles) / (2 * np.pi), np.maximum(-poles.real / np.abs(poles), _LEAST_RATIO)
     near = [f0 * (1 + ratio * np.sinh(_arsinh_steps(ratio))) for f0, ratio in zip(f, z, strict=True)]
-    n = int(np.ceil(np.log2(high / low) * _PER_OCTAVE)) + 2
+    # lines in an octave
+    n = int(np.ceil(np.log2(high / low) * 24)) + 2
     every = np.concatenate([*near, np.geomspace(low, high, n), np.asarray(corners, dtype=float), f])
     return np.unique(every[(every >= low) & (every <= high)])
 

@@ -25,8 +25,6 @@ LOCAL_DAMPING = 48
 It is then taken for a member with a loss factor rather than a damper.
 """
 
-_FEW_JOINTS = 10
-"""With more joints and springs than this, members' loss factors do not count as one of the structure."""
 
 _SOLVE_COLUMNS = 64
 """Right-hand sides that are solved at once where only products of the solutions are needed."""
@@ -90,7 +88,8 @@ def locals_of(system: System, *, reciprocal: bool = True) -> Locals:
     parts = system.model.contributions()
     loss = _common_loss(parts)
     lacking = sum(len(p.dofs) for p in parts if p.K is not None and p.dofs.size <= LOCAL_DAMPING)
-    loss = loss if lacking <= _FEW_JOINTS else 0.0
+    # With more joints and springs than this, members' loss factors do not count as one of the structure
+    loss = loss if lacking <= 10 else 0.0
     for part in parts:
         law = part.law
         # the law's part without its static stiffness, which K contains, and the loss factor of all of K

@@ -22,9 +22,6 @@ Floats = NDArray[np.float64]
 HIDDEN = 1e-6
 """Eigenvalues of small systems are corrected where rounding may change them by more than this part [-]."""
 
-RIGID_FORCE = 1e-12
-"""Forces of a rigid-body motion up to this part of the elements' stiffness are rounding [-]."""
-
 
 def refined(system: System, pairs: RitzPairs, rigid: Floats, factor: Factor | None = None) -> RitzPairs:
     """Return eigenpairs without the rounding of the assembled K, where that may exceed the tolerance.
@@ -116,7 +113,8 @@ def _without_rigid(mesh: Mesh, lines: Any, K: Floats, u: Floats) -> Floats:
     lever = lever_matrix(second - first)
     moved = np.concatenate([np.broadcast_to(np.eye(6), lever.shape), lever], axis=1)
     size = np.abs(K) @ np.abs(moved)
-    free = (np.abs(K @ moved) <= RIGID_FORCE * size.max(axis=1, keepdims=True)).all(axis=(1, 2))
+    # Forces of a rigid-body motion up to this part of the elements' stiffness are rounding [-]
+    free = (np.abs(K @ moved) <= 1e-12 * size.max(axis=1, keepdims=True)).all(axis=(1, 2))
     out = u.copy()
     out[free, :6] = 0.0
     out[free, 6:] -= (lever @ u[:, :6])[free]

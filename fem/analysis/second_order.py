@@ -38,9 +38,6 @@ Unless rounding of the forces out of balance makes a larger one."""
 
 _ROUNDS = 100
 
-REUSE_FACTOR_BELOW = 1e-3
-"""Reuse the last factor while displacements change by less than this, relatively [-]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SecondOrder:
@@ -120,7 +117,8 @@ def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
         b = loading.on_coordinates(system, K + K_G)
         new = q
         if factor is not None:
-            if change > min(REUSE_FACTOR_BELOW, 0.1 * before) or not k:
+            # Reuse the last factor while displacements change by less than this, relatively [-]
+            if change > min(1e-3, 0.1 * before) or not k:
                 factor = _factor(system, padded, stressed, factor, case, first)
             new = q + factor.solve(b - stressed @ q)
         change, before = _change(system, new, q), change

@@ -27,9 +27,6 @@ from fem.model import Model
 SECTION_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")
 """Forces [N] and moments [N·m] on the positive face of a section, in the member's axes."""
 
-_BALANCED = 1e-12
-"""Relative size below which the sum of the forces at a line's ends is rounding."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LineEquilibrium:
@@ -179,7 +176,8 @@ def _moments_of_displacement(
     out: NDArray[Any] = np.cross(node - here, f[:, :, None], axis=1)
     out += 0.5 * np.cross(u[dofs[:, 3:6]], m[:, :, None], axis=1)
     size = abs(initial[lines, :, 0]).max(axis=(1, 2))
-    spread = np.flatnonzero(abs(per_axis).max(axis=1) > _BALANCED * size)
+    # Relative size below which the sum of the forces at a line's ends is rounding
+    spread = np.flatnonzero(abs(per_axis).max(axis=1) > 1e-12 * size)
     for x, w in zip(*gauss_points(3), strict=True) if spread.size else ():
         load = (w * xi[spread])[:, None, None] * per_axis[spread, :, None]
         out[spread] += np.cross(moved(x * xi[spread], spread) - here[spread], load, axis=1)

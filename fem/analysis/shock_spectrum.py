@@ -9,14 +9,8 @@ from fem.model import ModelError
 RESPONSES = ("acceleration", "pseudo_velocity", "displacement")
 PARTS = ("maximax", "positive", "negative")
 
-_PER_PERIOD = 48
-"""Least number of steps a period: the largest sample is then at most (π/48)²/2 = 0.2 % below the peak."""
 
 Floats = NDArray[np.float64]
-
-PER_OCTAVE = 24
-"""Oscillators of a shock response spectrum in each octave, from a hundredth of a turn in the record's time to
-half its sampling rate. Below, only the final velocity of the base counts, above, its largest acceleration."""
 
 
 def shock_response_spectrum(
@@ -72,7 +66,8 @@ def shock_response_spectrum(
         raise ModelError(msg)
     h = float(t[-1] - t[0]) / (t.size - 1)
     # oscillators that need equally fine steps are stepped together
-    pieces = 2 ** np.ceil(np.log2(np.maximum(f * h * _PER_PERIOD, 1.0))).astype(int)
+    # Least number of steps a period: the largest sample is then at most (π/48)²/2 = 0.2 % below the peak
+    pieces = 2 ** np.ceil(np.log2(np.maximum(f * h * 48, 1.0))).astype(int)
     out = np.empty(f.size)
     for n in np.unique(pieces):
         chosen = np.flatnonzero(pieces == n)
@@ -132,6 +127,9 @@ def pseudo_acceleration_spectrum(
     """
     time, acceleration = np.asarray(time, dtype=float), np.asarray(acceleration, dtype=float)
     span, n = float(time[-1] - time[0]), len(time) - 1
-    f = np.geomspace(0.01 / span, 0.5 * n / span, int(np.ceil(PER_OCTAVE * np.log2(50 * n))) + 1)
+    # Oscillators of a shock response spectrum in each octave, from a hundredth of a turn in the record's time
+    # to half its sampling rate. Below, only the final velocity of the base counts, above, its largest
+    # acceleration.
+    f = np.geomspace(0.01 / span, 0.5 * n / span, int(np.ceil(24 * np.log2(50 * n))) + 1)
     each = [shock_response_spectrum(time, a, f, zeta, response="pseudo_velocity") for a in acceleration.T]
     return f, 2 * np.pi * f[:, None] * np.stack(each, axis=1)

@@ -42,9 +42,6 @@ from fem.recent import Recent
 from fem.summary import fields_summary
 from fem.system import System, assemble, constraint_groups, full_matrices, particular, rigid_motions
 
-_LEAST_RESISTANCE = 1e-15
-"""K is singular where inverse iteration finds less resistance than this, relative to entries one by one."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StaticSolution:
@@ -413,10 +410,8 @@ def _solve(system: System, b: NDArray[np.float64]) -> NDArray[np.float64]:
     return q + factor.solve(b - system.K @ q)
 
 
-def factor_stiffness(system: System, like: Factor | None = None) -> Factor:
+def factor_stiffness(system: System) -> Factor:
     """Factorise the stiffness of a supported structure.
-
-    The order of elimination of ``like``, of a matrix with the same pattern of entries, is used again.
 
     Raises
     ------
@@ -428,13 +423,14 @@ def factor_stiffness(system: System, like: Factor | None = None) -> Factor:
     K = system.K
     factor = None
     try:
-        factor = factorise(K, like)
+        factor = factorise(K)
         x = factor.solve(factor.solve(np.random.default_rng(0).standard_normal(system.n_free)))
     except SingularMatrixError:
         x = np.full(system.n_free, np.nan)
     with np.errstate(invalid="ignore", over="ignore"):
         opposed = x @ (K @ x) / max(x @ (K.diagonal() * x), 1e-300)
-    if factor is None or not np.isfinite(opposed) or opposed < _LEAST_RESISTANCE or n_negative(K, factor):
+    # K is singular where inverse iteration finds less resistance than this, relative to entries one by one
+    if factor is None or not np.isfinite(opposed) or opposed < 1e-15 or n_negative(K, factor):
         solve_eigenpairs(system, 1)  # raises the error that names the mechanism or instability
         if factor is None or not np.isfinite(opposed):
             msg = "the stiffness matrix is singular; a motion meets no resistance"

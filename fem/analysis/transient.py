@@ -25,9 +25,6 @@ from fem.system import System
 
 METHODS = ("modal", "newmark")
 
-_LEAST_ALPHA = -1 / 3
-_MASS = 1e-6
-"""Part of K h² that joins M where the first acceleration is solved for, as some DOFs may have no mass [-]."""
 
 _LOST = 1e-3
 """Part of an initial motion that the modes may lack without a note, by mass [-]."""
@@ -89,7 +86,7 @@ def solve_transient(
     if method not in METHODS:
         msg = f"the method is '{method}'; allowed are {', '.join(METHODS)}"
         raise ModelError(msg)
-    if not _LEAST_ALPHA <= alpha <= 0:
+    if not -1 / 3 <= alpha <= 0:
         msg = f"alpha is {alpha:g}; allowed are -1/3 to 0"
         raise ModelError(msg)
     if system.laws:
@@ -300,7 +297,9 @@ def _first_acceleration(M: sp.csc_array, K: sp.csc_array, force: Floats, h: floa
     try:
         return factorise(M).solve(force)
     except SingularMatrixError:
-        return factorise(sp.csc_array(M + _MASS * h**2 * K)).solve(force)
+        # Part of K h² that joins M where the first acceleration is solved for, as some DOFs may have no mass
+        # [-]
+        return factorise(sp.csc_array(M + 1e-6 * h**2 * K)).solve(force)
 
 
 def _by_newmark(

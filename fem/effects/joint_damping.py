@@ -5,16 +5,15 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role, Site
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint, joint_unit
-from fem.effects.places import parameters_of
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
+from fem.effects.places import InDirection, OnJoint, parameters_of
+from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class JointViscousDamping(Effect):
+class JointViscousDamping(InDirection):
     """A dashpot in one direction of a joint: iωc.
 
     Attributes
@@ -36,15 +35,9 @@ class JointViscousDamping(Effect):
         meaning="a dashpot in one direction of a joint",
         places="each elastic direction of each joint",
     )
-    joint: str
-    direction: str
+    connection: ClassVar[bool] = False
     damping: Any
     reference: float
-
-    @property
-    def where(self) -> Site:
-        """Joint and direction."""
-        return Site(f"joint {self.joint}", detail=self.direction)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the dashpot's constant."""
@@ -62,10 +55,7 @@ class JointViscousDamping(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return c b bᵀ."""
-        joint = model.effect(self.joint)
-        assert isinstance(joint, Joint)
-        dofs, B = joint.relative(model)
-        b = B[DIRECTIONS.index(self.direction)]
+        dofs, b = self.strain(model, self.direction)
         return (Contribution(dofs[None], C=(self.damping * np.outer(b, b))[None]),)
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
@@ -75,26 +65,11 @@ class JointViscousDamping(Effect):
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Each elastic direction of each joint."""
-        return tuple(
-            cls(
-                name=f"joint_viscous_damping:{j.name}.{d}",
-                joint=j.name,
-                direction=d,
-                damping=0.0,
-                reference=float(j.K[i, i]),
-            )
-            for j in model.of_kind(Joint)
-            for i, d in enumerate(DIRECTIONS)
-            if d in j.elastic
-        )
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the joint."""
-        return model.effect(self.joint).locations(model)
+        return cls.of_elastic(model, damping=0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class JointStructuralDamping(Effect):
+class JointStructuralDamping(OnJoint):
     """A loss factor on all stiffnesses of a joint, beyond the model's: i η K.
 
     Attributes
@@ -114,13 +89,8 @@ class JointStructuralDamping(Effect):
         meaning="a loss factor on all stiffnesses of a joint, beyond the model's",
         places="each joint with elastic directions",
     )
-    joint: str
+    connection: ClassVar[bool] = False
     loss_factor: Any
-
-    @property
-    def where(self) -> Site:
-        """The joint."""
-        return Site(f"joint {self.joint}")
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the loss factor."""
@@ -128,14 +98,13 @@ class JointStructuralDamping(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return η Bᵀ K B."""
-        joint = model.effect(self.joint)
-        assert isinstance(joint, Joint)
+        joint = self.of(model)
         dofs, B = joint.relative(model)
         return (Contribution(dofs[None], D=(self.loss_factor * (B.T @ joint.K @ B))[None]),)
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the joint's parameters."""
-        return parameters_of(model.effect(self.joint))
+        return parameters_of(self.of(model))
 
     def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
         """One to a hundred per cent."""
@@ -149,7 +118,3 @@ class JointStructuralDamping(Effect):
             for j in model.of_kind(Joint)
             if j.elastic
         )
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the joint."""
-        return model.effect(self.joint).locations(model)

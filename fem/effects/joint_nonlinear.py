@@ -15,14 +15,17 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Role, Site
-from fem.effects.joint import TRANSLATIONS, Joint, joint_unit
-from fem.effects.places import OnJoint
-from fem.model import DIRECTIONS, Contribution, Model, ModelError, Parameter
+from fem.declarations import Entry, Role
+from fem.effects.joint import TRANSLATIONS, joint_unit
+from fem.effects.places import InDirection
+from fem.model import Contribution, Model, ModelError, Parameter
+
+ANY_AMPLITUDE = 1e-5
+"""Amplitude of what is proposed, which a search replaces [m or rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class AmplitudeDependent(OnJoint):
+class AmplitudeDependent(InDirection):
     """An element in parallel with a joint's spring in one direction, with the matrices of one amplitude.
 
     Attributes
@@ -36,7 +39,6 @@ class AmplitudeDependent(OnJoint):
     """
 
     amplitude_dependent: ClassVar[bool] = True
-    direction: str
     amplitude: float
     reference: float = 1e6
 
@@ -44,11 +46,6 @@ class AmplitudeDependent(OnJoint):
         if not self.amplitude > 0:
             msg = f"{self.kind} '{self.name}': the amplitude is {self.amplitude}; it must be positive"
             raise ModelError(msg)
-
-    @property
-    def where(self) -> Site:
-        """Joint and direction."""
-        return Site(f"joint {self.joint}", detail=self.direction)
 
     @property
     def _length(self) -> str:
@@ -71,23 +68,6 @@ class AmplitudeDependent(OnJoint):
     ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
         """Return dk/da, and dk by each parameter, at amplitudes of any shape."""
         raise NotImplementedError
-
-    @classmethod
-    def _each(cls, model: Model, **values: float) -> tuple[Self, ...]:
-        """Return one for each elastic direction of each joint, at an amplitude that a search replaces."""
-        return tuple(
-            cls(
-                name=f"{cls.kind}:{j.name}.{d}",
-                joint=j.name,
-                direction=d,
-                amplitude=1e-5,
-                reference=float(j.K[i, i]),
-                **values,
-            )
-            for j in model.of_kind(Joint)
-            for i, d in enumerate(DIRECTIONS)
-            if d in j.elastic
-        )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return K and D of the equivalent stiffness."""
@@ -146,7 +126,7 @@ class JointCubic(AmplitudeDependent):
     @classmethod
     def propose(cls, model: Model) -> tuple[Self, ...]:
         """Each elastic direction of each joint."""
-        return cls._each(model, cubic=0.0)
+        return cls.of_elastic(model, amplitude=ANY_AMPLITUDE, cubic=0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -221,7 +201,7 @@ class JointGap(AmplitudeDependent):
     @classmethod
     def propose(cls, model: Model) -> tuple[Self, ...]:
         """Each elastic direction of each joint."""
-        return cls._each(model, stiffness=0.0, gap=1e-6)
+        return cls.of_elastic(model, amplitude=ANY_AMPLITUDE, stiffness=0.0, gap=1e-6)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -271,4 +251,4 @@ class JointFriction(AmplitudeDependent):
     @classmethod
     def propose(cls, model: Model) -> tuple[Self, ...]:
         """Each elastic direction of each joint."""
-        return cls._each(model, force=0.0)
+        return cls.of_elastic(model, amplitude=ANY_AMPLITUDE, force=0.0)

@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role, Site
+from fem.declarations import Entry, Marker, Role
 from fem.effects.joint import Joint
-from fem.effects.places import OnJoint, frame_of, parameters_of
+from fem.effects.places import InDirection, frame_of, parameters_of
 from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.model import (
@@ -26,7 +26,7 @@ from fem.model import (
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class JointOffset(OnJoint):
+class JointOffset(InDirection):
     """A joint's place, moved along one of its axes.
 
     The relative motion at the new place is δ + (ψ × e) offset, ψ that of rotation: δ' = L δ, and with it
@@ -53,14 +53,8 @@ class JointOffset(OnJoint):
         meaning="a joint that sits elsewhere along one of its axes",
         places="each axis of each joint",
     )
-    direction: str
     offset: Any
     reach: float
-
-    @property
-    def where(self) -> Site:
-        """Joint and direction."""
-        return Site(f"joint {self.joint}", detail=self.direction)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the offset."""

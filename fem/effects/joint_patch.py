@@ -16,14 +16,6 @@ from fem.recent import Recent
 
 _LEAST_SINE = 0.35
 """Members that meet at a smaller angle lie along each other: such joints are left as they are."""
-_ON_TOP = 0.7
-"""The way from one axis to the other goes across both members by at least this cosine."""
-SHORT_BELOW_LENGTHS = 1.5
-"""Its length is less than this multiple of that at which they touch."""
-_SQUARE = 0.99
-"""An axis of a joint is the normal of its flats from this cosine."""
-_N_ALONG = 7
-"""Points of Gauss along a patch."""
 _MOTIONS = 256
 """Mean motions that are kept: of two sides of each joint at the last few sizes."""
 _Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
@@ -138,7 +130,8 @@ class JointPatch(Spread):
             axes = [_axes(model, side) for side in pair]
             across = np.cross(axes[0][0], axes[1][0])
             across /= np.linalg.norm(across)
-            (about,) = np.nonzero(np.abs(joint.axes @ across) > _SQUARE)
+            # An axis of a joint is the normal of its flats from this cosine
+            (about,) = np.nonzero(np.abs(joint.axes @ across) > 0.99)
             if about.size:
                 gives = sum(1 / _disc(model, side, R, across) for side, R in zip(pair, axes, strict=True))
                 out[name, f"k{DIRECTIONS[3 + int(about[0])]}"] = 1 / gives
@@ -194,7 +187,9 @@ def _sides(model: Model, element: PointPair) -> tuple[_Side, _Side] | None:
     across /= sine
     apart = model.mesh.points[element.point2] - model.mesh.points[element.point1]
     touching = sum(section_extent(model, end[0], R, across) for end, R in zip((one, two), axes, strict=True))
-    if not _ON_TOP * np.linalg.norm(apart) < abs(apart @ across) < SHORT_BELOW_LENGTHS * touching:
+    # The way from one axis to the other goes across both members by at least this cosine
+    # The length of the way is less than this multiple of that at which they touch
+    if not 0.7 * np.linalg.norm(apart) < abs(apart @ across) < 1.5 * touching:
         return None
     half1 = section_extent(model, two[0], axes[1], along1) / sine
     half2 = section_extent(model, one[0], axes[0], along2) / sine
@@ -273,7 +268,8 @@ def _mean_motion(model: Model, side: _Side, reach: float) -> _Rows:
     mesh, frame = model.mesh, frame_of(model)
     first = max(side.position - reach, 0.0)
     last = min(side.position + reach, mesh.member_length(side.member))
-    x, weight = np.polynomial.legendre.leggauss(_N_ALONG)
+    # Points of Gauss along a patch
+    x, weight = np.polynomial.legendre.leggauss(7)
     places = [mesh.locate(side.member, float(s)) for s in (first + last) / 2 + (last - first) / 2 * x]
     dofs, N = frame.interpolate(mesh, places)
     every = np.unique(np.concatenate(dofs))

@@ -7,9 +7,9 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Environment, Marker, Role, Site
+from fem.declarations import Entry, Environment, Marker, Role
 from fem.effects.joint import Joint, joint_unit
-from fem.effects.places import OnJoint
+from fem.effects.places import InDirection
 from fem.laws import Maxwell, SpringPot
 from fem.model import DIRECTIONS, Contribution, Effect, Law, Model, Parameter, ParameterRef
 
@@ -18,17 +18,11 @@ _REFERENCE = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _JointViscoelastic(OnJoint):
+class _JointViscoelastic(InDirection):
     """Common part: a direction, elastic or rigid in the model, and a branch parallel to the spring."""
 
-    direction: str
     assumed: float
     stiffness: Any = 1e6
-
-    @property
-    def where(self) -> Site:
-        """Joint and direction."""
-        return Site(f"joint {self.joint}", detail=self.direction)
 
     @property
     def rigid(self) -> bool:

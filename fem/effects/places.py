@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,40 @@ class OnJoint(Effect):
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the joint's place."""
         return self.of(model).locations(model)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class InDirection(OnJoint):
+    """An effect in one direction of a joint.
+
+    Attributes
+    ----------
+    direction : str
+        One of the joint's directions.
+    """
+
+    direction: str
+
+    @property
+    def where(self) -> Site:
+        """Joint and direction."""
+        return Site(f"joint {self.joint}", detail=self.direction)
+
+    @classmethod
+    def of_elastic(cls, model: Model, **values: float) -> tuple[Self, ...]:
+        """Return one for each elastic direction of each joint, whose stiffness is its ``reference``."""
+        return tuple(
+            cls(
+                name=f"{cls.kind}:{j.name}.{d}",
+                joint=j.name,
+                direction=d,
+                reference=float(j.K[i, i]),  # pyright: ignore[reportCallIssue]
+                **values,
+            )
+            for j in model.of_kind(Joint)
+            for i, d in enumerate(DIRECTIONS)
+            if d in j.elastic
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -13,8 +13,6 @@ from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 from fem.recent import Recent
 
-EQUAL_COEFFICIENTS = 1e-6
-"""Relative difference up to which the coefficients along y and z are one."""
 _FRAMES = 8
 """Number of frames that an effect keeps."""
 _PARTS = 64
@@ -147,5 +145,6 @@ def _same(a: Any, b: Any) -> bool:
 
 def _directions(section: Any) -> tuple[str, ...]:
     """Return which coefficients a section has: one for both directions where they are alike."""
-    y, z, alike = section.ky, section.kz, abs(section.ky - section.kz) < EQUAL_COEFFICIENTS * section.kz
+    # Relative difference up to which the coefficients along y and z are one
+    y, z, alike = section.ky, section.kz, abs(section.ky - section.kz) < 1e-6 * section.kz
     return ("k",) if alike and y > 0 else tuple(k for k, value in (("ky", y), ("kz", z)) if value > 0)

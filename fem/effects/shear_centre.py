@@ -14,9 +14,6 @@ from fem.elements.layout import axes_and_arms, layout_of
 from fem.elements.properties import MemberProperties
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
-CENTROID_DISTANCE = 0.01
-"""Distance from the centroid, relative to √A, up to which a shear centre counts as being there [-]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ShearCentre(WithinMember):
@@ -94,7 +91,8 @@ class ShearCentre(WithinMember):
 def is_eccentric(p: MemberProperties) -> bool:
     """Whether a member has its shear centre elsewhere than its centroid; bars neither bend nor twist."""
     away = max(np.hypot(*s.shear_centre) / np.sqrt(s.A) for s in _ends(p))
-    return bool(p.theory != "bar" and away > CENTROID_DISTANCE)
+    # Distance from the centroid, relative to √A, up to which a shear centre counts as being there [-]
+    return bool(p.theory != "bar" and away > 0.01)
 
 
 def _ends(p: MemberProperties) -> tuple[Any, Any]:

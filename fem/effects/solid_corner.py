@@ -15,9 +15,6 @@ from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 _FLEXIBILITY = 0.01
 """Part of its flexibility that a stretch inside of a corner keeps [-]."""
-_PANEL = 0.5
-"""Share of the rigid-zone factor that holds for a member that goes through: the others hold it on one
-side only [-]."""
 _LEAST_SINE = 0.35
 """Members that meet at a smaller angle lie along each other: such corners are left out."""
 _COLLINEAR = 0.05
@@ -208,7 +205,9 @@ def _zones(model: Model, arms: list[_Arm]) -> list[_Zone]:
         depth = max((_half_depth(model, b, arm.axis) for b in arms if _meet(arm, b)), default=0.0)
         overlap = 1 - 2 / len(arms) if first is None else float(k != first and not _goes_on(arm, arms[first]))
         if depth > 0:
-            factor = _PANEL if through[k] else 1.0
+            # Share of the rigid-zone factor that holds for a member that goes through: the others hold it on
+            # one side only [-]
+            factor = 0.5 if through[k] else 1.0
             out.append(_Zone(arm.member, arm.start, arm.towards, depth, factor, overlap, np.inf))
     return out
 

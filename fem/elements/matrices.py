@@ -15,9 +15,6 @@ from fem.elements.lines import COLUMNS, Lines, inertias, n_gauss, some_lines
 from fem.elements.quadrature import gauss_points
 from fem.model import Array
 
-FEW_LINES = 64
-"""Lines whose mass is integrated at all points at once."""
-
 
 def to_global(matrix: Array, T: Array) -> Array:
     """Return Tᵀ X T of matrices (b, 12, 12)."""
@@ -59,7 +56,8 @@ def local_mass(g: Lines, start: Any = 0.0) -> Array:
     M: Array = np.zeros((len(g.L), 12, 12))
     points, weights = gauss_points(n_gauss(g, 4))
     # Of few lines, as a cut asks for, all points at once; of many they would need memory.
-    n_parts = 1 if len(g.L) <= FEW_LINES else len(points)
+    # Lines whose mass is integrated at all points at once
+    n_parts = 1 if len(g.L) <= 64 else len(points)
     for x, weight in zip(np.array_split(points, n_parts), np.array_split(weights, n_parts), strict=True):
         at = np.broadcast_to((start + (1 - start) * x)[:, None], (len(x), len(g.L)))
         N, scale = shape_matrix(g, at), weight[:, None, None] * (1 - start) * g.L[:, None] * inertias(g, at)

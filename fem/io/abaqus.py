@@ -67,11 +67,8 @@ class DeckReader:
             "ELGEN": lambda block: generate.elgen(block, self.part, self.budget),
             "ELCOPY": lambda block: generate.elcopy(block, self.part, self.budget),
             "PART": self._begin_part,
-            "ENDPART": self._end,
-            "ASSEMBLY": self._end,
-            "ENDASSEMBLY": self._end,
             "INSTANCE": self._begin_instance,
-            "ENDINSTANCE": self._end,
+            **dict.fromkeys(("ENDPART", "ASSEMBLY", "ENDASSEMBLY", "ENDINSTANCE"), self._end),
         }
 
     def read(self) -> Assembly:

@@ -14,9 +14,6 @@ from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.mesh import MeshError
 
-MOST_SETS_NAMED = 5
-"""Lines of sets that one sentence lists."""
-
 
 @dataclass(slots=True)
 class Instance:
@@ -298,7 +295,8 @@ def _unknown(unknown: dict[str, dict[str, None]]) -> list[str]:
     """Return one sentence of the members that sets name and that nothing has."""
     if not unknown:
         return []
-    found = [f"{place} names {named(list(what))}" for place, what in list(unknown.items())[:MOST_SETS_NAMED]]
+    # Lines of sets that one sentence lists
+    found = [f"{place} names {named(list(what))}" for place, what in list(unknown.items())[:5]]
     more = len(unknown) - len(found)
     rest = f"; {more} more lines of sets likewise" if more else ""
     return [f"sets name members that the file does not have, which are ignored: {'; '.join(found)}{rest}"]

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from fem.io.abaqus_keywords import TIES
 from fem.io.deck import words
 
 BEAMS: Final = words("B31 B31R B31H B31OS B31OSH B32 B32R B32H B32OS B32OSH B21 B21H B22 B22H PIPE31 PIPE31H")
@@ -49,20 +50,7 @@ PROCEDURES: Final = words(
 
 NOT_A_FRAME: Final[dict[str, str]] = {
     **dict.fromkeys(
-        (
-            "TIE",
-            "EMBEDDEDELEMENT",
-            "SHELLTOSOLIDCOUPLING",
-            "FASTENER",
-            "CYCLICSYMMETRYMODEL",
-            "MULTIPOINTCONSTRAINT",
-            "NETWORKMPC",
-            "CONTACTPAIR",
-            "CONTACT",
-            "PRETENSIONSECTION",
-            "DISTRIBUTINGCOUPLING",
-            "CONTACTINCLUSIONS",
-        ),
+        (*TIES, "CONTACTINCLUSIONS"),
         "connects parts in a way that is not read; write *MPC, *COUPLING, *RIGID BODY or *EQUATION",
     ),
     "FRAMESECTION": "is the section of frame elements; write beam elements with *BEAM SECTION",

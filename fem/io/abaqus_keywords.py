@@ -49,6 +49,12 @@ REFUSED: Final[dict[str, str]] = {
 _CONNECTION = "tie the places with [[rigid_links]], [[joints]] or [[constraints]] in the study file"
 _OFFSET = "give the members offset1 and offset2 in the study file"
 
+TIES: Final = words(
+    """TIE DISTRIBUTINGCOUPLING EMBEDDEDELEMENT SHELLTOSOLIDCOUPLING FASTENER CYCLICSYMMETRYMODEL
+    MULTIPOINTCONSTRAINT NETWORKMPC CONTACTPAIR CONTACT PRETENSIONSECTION"""
+)
+"""Keywords that connect parts, and are read neither with a mesh nor with a frame."""
+
 NAMED: Final[dict[str, str]] = {
     "RELEASE": "give the members release1 or release2 in the study file",
     "CENTROID": _OFFSET,
@@ -58,14 +64,7 @@ NAMED: Final[dict[str, str]] = {
     "BASEMOTION": "give [[excitations]] in the study file",
     "MODELCHANGE": "elements that a step removes are read",
     "NONSTRUCTURALMASS": "give [[masses]] in the study file",
-    **dict.fromkeys(
-        words(
-            """MPC EQUATION TIE COUPLING KINEMATICCOUPLING DISTRIBUTINGCOUPLING RIGIDBODY EMBEDDEDELEMENT
-            SHELLTOSOLIDCOUPLING FASTENER CYCLICSYMMETRYMODEL MULTIPOINTCONSTRAINT NETWORKMPC CONTACTPAIR
-            CONTACT PRETENSIONSECTION"""
-        ),
-        _CONNECTION,
-    ),
+    **dict.fromkeys(TIES | words("MPC EQUATION COUPLING KINEMATICCOUPLING RIGIDBODY"), _CONNECTION),
 }
 """Keywords that are left out, each with its remedy; a note counts them."""
 

@@ -24,11 +24,6 @@ from fem.model import lever_matrix
 FIXED = 1e36
 """What Abaqus adds to the diagonal in a direction that a support holds."""
 
-ORDER = 1e-6
-"""Force of a rigid-body motion, relative to its terms, that shows other rows than were taken."""
-
-_GENERALISED = 100
-"""Directions above this are amplitudes of modes; 7 to this are no motions (temperatures and the like)."""
 
 _TYPES = {"STIFFNESS": "K", "MASS": "M", "VISCOUSDAMPING": "C", "STRUCTURALDAMPING": "D"}
 _MATRIX = re.compile(r"^\*MATRIX\s*,\s*TYPE\s*=\s*([A-Z ]+)", re.IGNORECASE)
@@ -151,7 +146,8 @@ def moves_freely(K: sp.csr_array, R: NDArray[np.float64]) -> bool:
     terms = (abs(K) @ np.abs(R)).max(axis=1)
     force = np.abs(K @ R).max(axis=1)
     reached = terms > 0
-    return bool((force > ORDER * terms)[reached].sum() <= reached.sum() / 2)
+    # Force of a rigid-body motion, relative to its terms, that shows other rows than were taken
+    return bool((force > 1e-6 * terms)[reached].sum() <= reached.sum() / 2)
 
 
 def _check_indices(file: Path, index: NDArray[np.float64]) -> None:
@@ -239,7 +235,8 @@ def _element_rows(file: Path, lines: list[str], at: int) -> tuple[NDArray[np.int
         directions = changes.get(k, directions)
         pairs += [(node, d) for d in directions]
     table = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    strange = (table[:, 1] < 1) | ((table[:, 1] > 6) & (table[:, 1] <= _GENERALISED))
+    # Directions above this are amplitudes of modes; 7 to this are no motions (temperatures and the like)
+    strange = (table[:, 1] < 1) | ((table[:, 1] > 6) & (table[:, 1] <= 100))
     if strange.any():
         msg = f"{file.name}: a row has the direction {table[strange, 1][0]}; 1 to 6 are motions"
         raise MatricesError(msg)

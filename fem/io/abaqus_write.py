@@ -11,9 +11,9 @@ import numpy as np
 
 from fem.io.deck_nodes import (
     bar_axes,
-    directions_in,
     equation_cells,
     first_element,
+    fixed_components,
     mean_section,
     notes_of,
     plain,
@@ -23,15 +23,11 @@ from fem.io.deck_nodes import (
     wrapped,
 )
 from fem.io.deck_units import DeckUnits
-from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty
 from fem.io.frame_of_model import ModelDeck
-from fem.mesh import MeshError
 from fem.model import DIRECTIONS
 
 DOF = {d: i for i, d in enumerate(DIRECTIONS, 1)}
-SAME_AXES = 7
-"""Decimals to which bars of one section have the same axes."""
 
 
 def abaqus_text(
@@ -85,7 +81,8 @@ def _bars(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
     """Yield elements by property and axes, with their sections; n1 is local y, so that I11 is Iy."""
     axes, groups = bar_axes(deck), dict[tuple[int, tuple[float, ...]], list[int]]()
     for k, p in enumerate(deck.bars.properties):
-        y = np.round(axes[k, 1], SAME_AXES) + 0.0
+        # Decimals to which bars of one section have the same axes
+        y = np.round(axes[k, 1], 7) + 0.0
         groups.setdefault((int(p), tuple(y) if deck.properties[p].theory != "bar" else ()), []).append(k)
     materials = {p.material.name: p.material for p in deck.properties if p.theory == "bar"}
     first = deck.first.get("name", 1)
@@ -180,11 +177,7 @@ def _equations(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
 def _supports(deck: ModelDeck) -> Iterator[str]:
     if deck.supports:
         yield "*BOUNDARY"
-    for k, fixed in deck.supports.items():
-        along = directions_in(deck.axes.get(k, np.eye(3)), fixed)
-        if along is None:
-            msg = f"node {deck.nodes[k]}: {' '.join(fixed)} are fixed, which are not along its *TRANSFORM"
-            refuse(msg, MeshError)
+    for k, along in fixed_components(deck, "its *TRANSFORM"):
         yield from (row(deck.nodes[k], i + 1, i + 1) for i in along)
 
 

@@ -11,12 +11,10 @@ from fem.io.ansys_script import Command
 from fem.io.ansys_state import ELEM, NODE, AnsysState
 from fem.io.ansys_systems import GLOBAL, AnsysSystem, angles_of, rotation
 
-_UNBLOCKED = ("R5", "UNBL")
-"""Beginning of the first field of a command in an archive of CDWRITE,…,UNBLOCKED."""
-
 
 def _unblocked(c: Command) -> bool:
-    return c.text(0).startswith(_UNBLOCKED)
+    # Beginning of the first field of a command in an archive of CDWRITE,…,UNBLOCKED
+    return c.text(0).startswith(("R5", "UNBL"))
 
 
 # Coordinate systems -----------------------------------------------------------------------------------------

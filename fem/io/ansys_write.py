@@ -10,9 +10,9 @@ from fem.io.deck_nodes import (
     FIRST_OF_PART,
     Term,
     bar_axes,
-    directions_in,
     equation_cells,
     first_element,
+    fixed_components,
     mean_section,
     notes_of,
     plain,
@@ -22,11 +22,9 @@ from fem.io.deck_nodes import (
     wrapped,
 )
 from fem.io.deck_units import DeckUnits
-from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty, Body, Connection
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
 from fem.materials import Material
-from fem.mesh import MeshError
 from fem.model import DIRECTIONS
 
 LABEL: dict[str, str] = dict(zip(DIRECTIONS, ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), strict=True))
@@ -94,11 +92,7 @@ def commands(
     lines += _springs(deck, u, numbers, ground)
     equations = solved_equations(deck, links=True)
     lines += [*_bare_nodes(deck, equations, numbers), *_equations(deck, equations, u)]
-    for k, fixed in deck.supports.items():
-        along = directions_in(deck.axes.get(k, np.eye(3)), fixed)
-        if along is None:
-            msg = f"node {deck.nodes[k]}: {' '.join(fixed)} are fixed, which are not along its rotated axes"
-            refuse(msg, MeshError)
+    for k, along in fixed_components(deck, "its rotated axes"):
         lines += [command("D", deck.nodes[k], LABEL[DIRECTIONS[i]], 0) for i in along]
     lines += [command("D", n, "ALL", 0) for n in ground]
     if not deck.part:

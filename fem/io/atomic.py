@@ -13,8 +13,6 @@ from pathlib import Path
 LONGEST_NAME = 80
 """Characters of a file's name that its temporary file's name has: both must fit a directory entry [-]."""
 
-_NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)
-"""Errors of file systems that cannot flush."""
 
 _UNLOCKED, _LOCK = ".new", ".lock"
 """Suffixes of the file next to a temporary one that its process has locked, before it is locked and then.
@@ -22,14 +20,9 @@ _UNLOCKED, _LOCK = ".new", ".lock"
 The temporary file itself is not locked: HDF5 locks the files that it writes, and finds them locked.
 """
 
-_UNLOCKED_SECONDS = 60.0
-"""Age from which a temporary file without a lock is that of an ended process: locking takes less [s]."""
 
 _CHUNK = 1 << 20
 """Bytes that are written to a device at a time."""
-
-_STREAMS = (1, 2)
-"""File descriptors of standard output and standard error."""
 
 
 class WriteError(OSError):
@@ -107,7 +100,8 @@ def is_temporary(name: str, prefix: str, suffix: str = "") -> bool:
 
 def is_old(path: Path) -> bool:
     """Return whether a temporary file or folder is so old that its process must have locked it."""
-    return time.time() - path.stat().st_mtime > _UNLOCKED_SECONDS
+    # Age from which a temporary file without a lock is that of an ended process: locking takes less [s]
+    return time.time() - path.stat().st_mtime > 60.0
 
 
 def _tidy(folder: Path, prefix: str, suffix: str) -> None:
@@ -144,7 +138,8 @@ def flushed(path: Path) -> None:
         try:
             os.fsync(file.fileno())
         except OSError as reason:
-            if reason.errno not in _NO_FLUSH:
+            # Errors of file systems that cannot flush
+            if reason.errno not in (errno.EINVAL, errno.ENOTSUP):
                 raise
 
 
@@ -166,7 +161,8 @@ def _stream(path: Path) -> int | None:
     there = _status(path)
     if there is None or stat.S_ISDIR(there.st_mode):
         return None
-    for stream in _STREAMS:
+    # File descriptors of standard output and standard error
+    for stream in (1, 2):
         # A file that the shell has opened is written on: replaced, later output would go to the former one.
         if _same(there, stream):
             return os.dup(stream)

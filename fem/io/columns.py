@@ -20,9 +20,6 @@ from fem.io.arrays import TableError
 from fem.io.faults import error_at
 from fem.io.frf_labels import frequency_factor
 
-SEPARATORS = ("\t", ";", ",", " ")
-"""Characters that may part columns, the surest first."""
-
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$")
 _NOT_FINITE = (
     "nan",
@@ -259,7 +256,8 @@ class _Text:
     def _marks(self, separator: str | None) -> tuple[str, bool]:
         """Return the separator, and whether numbers have a decimal comma."""
         sample = [line for _, line in self.rows[-_SAMPLE:]]
-        for mark in SEPARATORS if separator is None else (separator,):
+        # Characters that may part columns, the surest first
+        for mark in ("\t", ";", ",", " ") if separator is None else (separator,):
             self.separator = mark
             for comma in (False, True):
                 if comma and mark == ",":

@@ -10,6 +10,7 @@ import numpy as np
 
 from fem.io.deck_nodes import FIRST_OF_PART
 from fem.io.frame_of_model import ModelDeck
+from fem.io.source_changes import others_than
 from fem.summary import listed
 
 
@@ -30,7 +31,9 @@ def changed_deck(deck: ModelDeck, before: ModelDeck) -> ModelDeck:
     }
     was = {_place(before, n): fixed for n, fixed in before.supports.items()}
     supports = {
-        n: new for n, fixed in deck.supports.items() if (new := _without(fixed, was.get(_place(deck, n), ())))
+        n: new
+        for n, fixed in deck.supports.items()
+        if (new := others_than(fixed, was.get(_place(deck, n), ())))
     }
     bars, properties, known_bars = _bars(deck, before)
     return replace(
@@ -44,10 +47,6 @@ def changed_deck(deck: ModelDeck, before: ModelDeck) -> ModelDeck:
         **parts,
         notes=(*_replaced(deck, before, items), *_freed(deck, before), *deck.notes),
     )
-
-
-def _without(some: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
-    return tuple(d for d in some if d not in others)
 
 
 def _places(deck: ModelDeck) -> list[tuple[float, ...]]:
@@ -122,5 +121,5 @@ def _freed(deck: ModelDeck, before: ModelDeck) -> Iterator[str]:
     """Yield supports that the deck has no longer."""
     now = {_place(deck, n): fixed for n, fixed in deck.supports.items()}
     for n, fixed in before.supports.items():
-        if free := _without(fixed, now.get(_place(before, n), ())):
+        if free := others_than(fixed, now.get(_place(before, n), ())):
             yield f"take out of the supports of node {before.nodes[n]}: {', '.join(free)}"

@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from fem.elements.axes import axes_of
 from fem.io.array_types import Floats
 from fem.io.deck_units import DeckUnits
+from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
 from fem.io.frame_parts import Found
@@ -27,8 +28,6 @@ FIRST_OF_PART = 900_001
 """First number of cards for a model whose numbers are not known."""
 COINCIDENT = 1e-9
 """Length of an arm below which there is none, in parts of the structure's size [-]."""
-DECIMALS = 12
-"""Of the coefficients of equations, without rounding of the solution."""
 INDEPENDENT = 1e-9
 """Part of the largest pivot below which an equation follows from others [-]."""
 
@@ -107,6 +106,16 @@ def directions_in(axes: Floats, directions: Sequence[str]) -> tuple[int, ...] | 
             return None
         out.append(int(np.argmax(along)) + 3 * (k // 3))
     return tuple(sorted(out))
+
+
+def fixed_components(deck: ModelDeck, axes: str) -> Iterator[tuple[int, tuple[int, ...]]]:
+    """Yield each supported node's row, and its components 0 to 5 along its axes, which messages call so."""
+    for row, fixed in deck.supports.items():
+        along = directions_in(deck.axes.get(row, np.eye(3)), fixed)
+        if along is None:
+            msg = f"node {deck.nodes[row]}: {' '.join(fixed)} are fixed, which are not along {axes}"
+            refuse(msg, MeshError)
+        yield row, along
 
 
 def bar_axes(deck: FrameDeck) -> Floats:
@@ -321,7 +330,8 @@ def _solved(
         raise MeshError(msg)
     pivots = np.flatnonzero(free)[order[:rank]]
     rows = np.linalg.solve(R[:rank, :rank], turned[:rank])
-    rows = np.round(rows, DECIMALS)
+    # Of the coefficients of equations, without rounding of the solution
+    rows = np.round(rows, 12)
     for p, row in zip(pivots, rows, strict=True):
         others = [j for j in np.flatnonzero(row) if j != p]
         yield ((*keys[p], 1.0), *((*keys[j], float(row[j])) for j in others))

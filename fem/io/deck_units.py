@@ -11,9 +11,6 @@ from fem.matrices import UNITS, MatricesError, consistent_units
 from fem.mesh import MeshError
 from fem.plausibility import DENSITY, FARTHEST_SOUND, LEAST_USUAL, MODULUS, USUAL_SOUND
 
-USUAL_MODULUS = 1e11
-"""E of steel, aluminium, copper and titanium, within a factor of two [Pa]."""
-
 
 @dataclass(frozen=True, slots=True)
 class DeckUnits:
@@ -114,7 +111,8 @@ def likely_units(materials: Sequence[Material], units: DeckUnits) -> str:
         for m in odd:
             E, rho = m.E * other.stress / units.stress, m.rho * other.density / units.density
             usual = LEAST_USUAL[0] <= E <= MODULUS[1] and _fits(rho, (LEAST_USUAL[1], DENSITY[1]), m)
-            speed = E / USUAL_MODULUS if m.is_massless else E / rho / USUAL_SOUND**2
+            # E of steel, aluminium, copper and titanium, within a factor of two [Pa]
+            speed = E / 1e11 if m.is_massless else E / rho / USUAL_SOUND**2
             off = max(off, abs(np.log(speed)) / 2 if usual else np.inf)
         if off < best[1]:
             best = (name, off)

@@ -38,9 +38,6 @@ _READERS: Mapping[str, tuple[str, str]] = {
 }
 """Module and function that read a deck, by its program."""
 
-SAME_ORIENTATION_DISTANCE = 1e-7
-"""Distance of unit vectors up to which bars have the same orientation: decks give about eight digits."""
-
 
 def read_deck(path: str | os.PathLike[str], units: str | Sequence[float] | DeckUnits = "SI") -> FrameDeck:
     """Read the frame model of a Nastran, Abaqus, CalculiX or ANSYS deck; its text says the program.
@@ -218,7 +215,8 @@ def _like_first(vectors: Floats) -> Bools:
     """Return which vectors have the direction of the first; NaN, the default, is like NaN alone."""
     absent = np.isnan(vectors[:, 0])
     unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    near = (np.abs(unit - unit[0]) <= SAME_ORIENTATION_DISTANCE).all(axis=1)
+    # Distance of unit vectors up to which bars have the same orientation: decks give about eight digits
+    near = (np.abs(unit - unit[0]) <= 1e-7).all(axis=1)
     return np.where(absent | absent[0], absent & absent[0], near)
 
 

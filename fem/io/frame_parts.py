@@ -15,9 +15,6 @@ from fem.model import DIRECTIONS, lever_matrix
 Motion = tuple[int, Floats]
 """Row of a node, and factors (6,) of its global motions."""
 
-NEGLIGIBLE_COEFFICIENT = 1e-12
-"""Coefficient, relative to the largest of an equation, that counts as zero."""
-
 
 def axes_along(x: Floats, toward: Floats | None = None) -> Floats:
     """Return axes with x along vectors (…, 3), and y in the plane of others, as rows (…, 3, 3)."""
@@ -82,7 +79,8 @@ def terms_of(motions: Iterable[Motion]) -> tuple[tuple[int, str, float], ...]:
     return tuple(
         (row, DIRECTIONS[k], float(v[k]))
         for row, v in total.items()
-        for k in np.flatnonzero(np.abs(v) > NEGLIGIBLE_COEFFICIENT * largest).tolist()
+        # Coefficient, relative to the largest of an equation, that counts as zero
+        for k in np.flatnonzero(np.abs(v) > 1e-12 * largest).tolist()
     )
 
 

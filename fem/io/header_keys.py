@@ -40,8 +40,6 @@ _KEYS: Mapping[str, str] = {
 }
 """Meaning of the keys that are read."""
 
-_LEAST_KEYS = 3
-"""Keys from which a header is one of keys; headings of columns may hold a single one."""
 
 _QUANTITIES = {
     ("acceleration", "force"): FRFKind.ACCELERANCE,
@@ -118,7 +116,8 @@ def keyed_header(table: Columns) -> KeyedHeader | None:
         not fit the values.
     """
     rows = [row for row in table.rows if _key(row[0])]
-    if len({_key(row[0]) for row in rows}) < _LEAST_KEYS:
+    # Keys from which a header is one of keys; headings of columns may hold a single one
+    if len({_key(row[0]) for row in rows}) < 3:
         return None
     frequencies = sorted({0, *(at for row in rows for at, cell in enumerate(row) if _key(cell))})
     functions = _functions(rows, frequencies, table.width)

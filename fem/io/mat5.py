@@ -40,9 +40,6 @@ _TYPES = {
 _CELL, _STRUCTURE, _TEXT, _SPARSE = 1, 2, 4, 5
 _NUMBERS = range(6, 16)
 _COMPLEX = 0x0800
-_MOST_NESTED = 8
-_MOST_BYTES = 1 << 32
-"""Size of an array from which a file is refused: a few bytes can claim to hold any number when compressed."""
 
 
 def read_mat5(path: Path) -> dict[str, NDArray[Any]]:
@@ -89,7 +86,8 @@ class _Bytes:
         """Return the decompressed content."""
         try:
             tool = zlib.decompressobj()
-            data = tool.decompress(self.data, _MOST_BYTES)
+            # an array from which a file is refused: a few bytes can claim to hold any number when compressed
+            data = tool.decompress(self.data, 1 << 32)
         except zlib.error:
             self.refuse("a compressed array does not decompress")
         if not tool.eof:
@@ -133,7 +131,7 @@ def _elements(data: _Bytes, padded: bool) -> Iterator[tuple[int, _Bytes]]:
 
 def _arrays(data: _Bytes, prefix: str, depth: int) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the arrays in a matrix element by their names."""
-    if not data.data or depth > _MOST_NESTED:
+    if not data.data or depth > 8:
         return
     flags, shape = data.numbers(), tuple(int(n) for n in data.numbers())
     name = prefix or bytes(data.numbers().astype("u1")).decode("latin-1")

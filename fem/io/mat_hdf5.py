@@ -17,8 +17,6 @@ from fem.io.trial import end_of_trial
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 _UNIT_KEYS = ("units", "unit", "unit_string", "ni_unitdescription")
 """Attributes that hold the unit of an array, in small letters."""
-LARGEST_RATIO = 1032
-"""Deflate makes data smaller by this factor at most (zlib's documentation, "maximum compression factor")."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +61,8 @@ def read_hdf5(path: Path) -> dict[str, Named]:
 
 def _arrays(h5py: Any, path: Path) -> dict[str, Named]:
     out: dict[str, Named] = {}
-    most = LARGEST_RATIO * path.stat().st_size
+    # Deflate makes data smaller by this factor at most (zlib's documentation, "maximum compression factor")
+    most = 1032 * path.stat().st_size
     with h5py.File(path, "r") as file:
 
         def visit(key: str, item: Any) -> None:

@@ -18,9 +18,6 @@ RODS = ("CROD", "CTUBE", "CONROD")
 
 _DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
 
-_PINS = (0, 2, 1, 3, 5, 4)
-"""Local direction of each of Nastran's pin flags 1 to 6: its y is local z, and its z is local -y."""
-
 
 _NO_VECTOR: Floats = np.full(3, np.nan)
 _NO_OFFSETS: Floats = np.zeros(6)
@@ -233,7 +230,8 @@ def _check_orientations(beams: list[NastranBar], axis: Floats, up: Floats) -> No
 
 def _pins(card: Card, k: int) -> Floats:
     stiffness = np.full(6, np.inf)
-    stiffness[[_PINS[c] for c in card.directions(k)]] = 0.0
+    # Local direction of each of Nastran's pin flags 1 to 6: its y is local z, and its z is local -y
+    stiffness[[(0, 2, 1, 3, 5, 4)[c] for c in card.directions(k)]] = 0.0
     return stiffness
 
 

@@ -17,7 +17,6 @@ from fem.io.nastran_names import HARMLESS, LINES, NAMED, READ
 PROPERTIES: Final = words("PBAR PBARL PBEAM PBEAML PROD PTUBE")
 BARS: Final = words("CBAR CBEAM CROD CTUBE CONROD")
 
-MOST_WORDS = 4
 LONGEST = 60
 """Characters of a name."""
 
@@ -143,9 +142,7 @@ def _plain_name(lines: Sequence[str]) -> str:
         return ""
     name = _tidy(texts[0])
     parts = name.split()
-    no_name = (
-        len(parts) > MOST_WORDS or name.endswith(".") or set(name) & set(":;=?!*") or len(name) > LONGEST
-    )
+    no_name = len(parts) > 4 or name.endswith(".") or set(name) & set(":;=?!*") or len(name) > LONGEST
     if no_name or "," in texts[0] or _is_heading(name):
         return ""
     is_card = parts[0] == parts[0].upper() and parts[0].rstrip("*") in {*HARMLESS, *READ, *LINES, *NAMED}

@@ -14,12 +14,6 @@ from fem.io.nastran_sections import NEGLIGIBLE, SHAPES, section_of_constants, se
 from fem.materials import PropertyError, negligible_density
 from fem.sections.section import Section
 
-NO_TWIST_INERTIA = 1e-12
-"""Polar moment of lumped CBARs over Iy + Iz: their lumped mass has no inertia of torsion."""
-
-STATION_ERROR = 0.02
-"""Difference of a section between the ends from that of the taper that is named rather than refused [-]."""
-
 BEAMS = ("CBAR", "CBEAM")
 
 OF_ELEMENT = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
@@ -135,7 +129,8 @@ class Properties:
         scaled = with_shear(section, factor)
         if self.consistent or element.name != "CBAR":
             return scaled
-        return replace(scaled, Ip=NO_TWIST_INERTIA * (scaled.Iy + scaled.Iz))
+        # Polar moment of lumped CBARs over Iy + Iz: their lumped mass has no inertia of torsion
+        return replace(scaled, Ip=1e-12 * (scaled.Iy + scaled.Iz))
 
     def notes(self) -> Iterator[str]:
         """Yield what the mass of these bars is."""
@@ -267,7 +262,9 @@ def _tapered(
         if 0 < x < 1:
             between = first if same else Section.between(first, last, x)
             error = max(abs(getattr(section, k) / getattr(between, k) - 1) for k in ("A", "Iy", "Iz"))
-            if error > STATION_ERROR:
+            # Difference of a section between the ends from that of the taper that is named rather than
+            # refused [-]
+            if error > 0.02:
                 card.refuse(
                     f"has at X/XB = {x:g} a section that differs by {100 * error:.0f} % from that of a "
                     "taper; divide the beam there"

@@ -9,10 +9,10 @@ import numpy as np
 
 from fem.io.deck_nodes import (
     all_matrices,
-    directions_in,
     equation_cells,
     first_element,
     first_number,
+    fixed_components,
     matrix_entries,
     notes_of,
     plain,
@@ -118,11 +118,7 @@ def nodes_and_supports(deck: ModelDeck, u: DeckUnits) -> Iterator[str]:
             basic = 0 if deck.first else None
             yield from card("GRID", n, basic, *(float(x) / u.length for x in place), basic)
     by_components: dict[str, list[int]] = {}
-    for row, fixed in deck.supports.items():
-        along = directions_in(deck.axes.get(row, np.eye(3)), fixed)
-        if along is None:
-            msg = f"node {deck.nodes[row]}: {' '.join(fixed)} are fixed, which are not along its axes (CD)"
-            refuse(msg, MeshError)
+    for row, along in fixed_components(deck, "its axes (CD)"):
         by_components.setdefault("".join(str(k + 1) for k in along), []).append(int(deck.nodes[row]))
     for components, nodes in by_components.items():
         yield from card("SPC1", first_number(deck, "SPC"), components, *nodes)

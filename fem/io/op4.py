@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from fem.matrices import MatricesError
 
 _FORMAT = re.compile(r"(?:1P,)?(\d+)[ED](\d+)\.\d+", re.IGNORECASE)
-_SYMMETRIC = 6
 _FORMS = {1: "square", 2: "rectangular", 6: "symmetric"}
 _MOST_ROWS = 20_000_000
 
@@ -56,7 +55,8 @@ class _Matrix:
         j = np.concatenate([np.full(v.size, column) for _, column, v in self.parts])
         X = sp.coo_array((np.concatenate([v for *_, v in self.parts]), (i, j)), shape=shape).tocsr()
         lower, upper = sp.tril(X, -1).count_nonzero(), sp.triu(X, 1).count_nonzero()
-        one = self.form == _SYMMETRIC and (not lower or not upper)
+        # form 6 is symmetric
+        one = self.form == 6 and (not lower or not upper)
         return sp.csr_array(X + X.T - sp.diags_array(X.diagonal())) if one else X
 
 

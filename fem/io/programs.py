@@ -20,11 +20,6 @@ _SIGNS = {NASTRAN: "BEGIN BULK, SOL or GRID", ABAQUS: "*NODE or *HEADING", ANSYS
 ALLOWED = "; ".join(f"{', '.join(s)} or a text with {_SIGNS[p]} ({p})" for p, s in SUFFIXES.items())
 """Names of the programs of decks, for messages."""
 
-MOST_READ = 1_000_000
-"""Bytes of a file in which a line that tells its program is looked for."""
-
-LONGEST_LINE = 200
-"""Characters of a line that are looked at."""
 
 _SLASH = re.compile(r"/[A-Z]{2,}")
 _STAR = re.compile(r"\*\s*([A-Z][A-Z ]*?)\s*(,|$)")
@@ -47,13 +42,15 @@ def program_by_text(path: Path) -> str | None:
     """Return the program of the first line that only one of them has, None without such a line."""
     try:
         with path.open("rb") as file:
-            head = file.read(MOST_READ)
+            # Bytes of a file in which a line that tells its program is looked for
+            head = file.read(1_000_000)
     except (OSError, ValueError):
         return None
     if b"\x00" in head:
         return None
     for line in head.decode("utf-8-sig", errors="replace").splitlines():
-        found = _program_of_line(line[:LONGEST_LINE].split("!")[0].strip().upper())
+        # Characters of a line that are looked at
+        found = _program_of_line(line[:200].split("!")[0].strip().upper())
         if found is not None:
             return found
     return None

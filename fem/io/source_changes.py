@@ -264,12 +264,12 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
     removed, new = _items(after, before)
     was, now = ({_key(d, n): f for n, f in d.supports.items()} for d in (before, after))
     supports = {
-        n: more for n, f in after.supports.items() if (more := _without(f, was.get(_key(after, n), ())))
+        n: more for n, f in after.supports.items() if (more := others_than(f, was.get(_key(after, n), ())))
     }
     freed = {
         int(before.nodes[n]): less
         for n, f in before.supports.items()
-        if (less := _without(f, now.get(_key(before, n), ())))
+        if (less := others_than(f, now.get(_key(before, n), ())))
     }
     bars = _spanned(after.bars, rows)
     names = [source.bars.numbers[p.source] if p.source >= 0 else 0 for p in pieces]
@@ -315,7 +315,8 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
     )
 
 
-def _without(some: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
+def others_than(some: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
+    """Return those that are not among others."""
     return tuple(d for d in some if d not in others)
 
 
@@ -509,7 +510,7 @@ def _changed_bars(
         which = []
         for part in parts:
             new = _property_of(after, part)
-            same = same_property(new, old) and not _turned_taper(part, new)
+            same = same_property(new, old) and not (new.section2 is not None and part[0][1])
             which.append(-1 if same else _kind(kinds, int(source.bars.properties[s]), new, s))
         b = taken(after.bars, [parts[0][0], parts[-1][-1]])
         joined = len(parts) > 1 or not _same_ends(b, before.bars, s, axes, parts[0][0][0], old)
@@ -550,10 +551,6 @@ def _changed_bars(
             )
         )
     return rows, pieces, variants, lost
-
-
-def _turned_taper(part: Sequence[Oriented], new: BarProperty) -> bool:
-    return new.section2 is not None and part[0][1]
 
 
 def _property_of(deck: ModelDeck, part: Sequence[Oriented]) -> BarProperty:

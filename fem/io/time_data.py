@@ -60,8 +60,6 @@ _QUANTITY_WORDS = {
     (0, 1, 0, 0): r"disp|displacement|defl|deflection|weg|laser",
 }
 """Words of a channel's name by the dimension of the quantity; with one, a unit may follow an underscore."""
-OFF_GRID = 0.02
-"""Largest distance of a start from the samples of other channels that counts as rounding [samples]."""
 
 MOTION_UNITS = {FRFKind.RECEPTANCE: "m", FRFKind.MOBILITY: "m/s", FRFKind.ACCELERANCE: "m/s^2"}
 """SI units of translations, by the kind of the FRF whose response they are."""
@@ -461,7 +459,8 @@ def _together(
     shift = (shift - shift.min()) * (file_rate or rate)
     with np.errstate(invalid="ignore"):
         offsets = np.round(shift).astype(np.int64)
-    bad = ~(np.abs(shift - offsets) <= OFF_GRID)  # starts that are no number among them
+    # Largest distance of a start from the samples of other channels that counts as rounding [samples]
+    bad = ~(np.abs(shift - offsets) <= 0.02)  # starts that are no number among them
     if bad.any():
         k = int(np.argmax(bad))
         _refuse(

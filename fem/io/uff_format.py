@@ -20,8 +20,6 @@ MARK = b"    -1"
 MOST_STRAY = 3
 """Lines outside any dataset that are named one by one; of more there is the number."""
 
-_LONGEST_MARK = 256
-"""Characters of a line after its mark, all blank, up to which it is one."""
 
 HEADER_LINES = 12
 """Lines of dataset 58 before its data: the type and eleven records."""
@@ -322,7 +320,8 @@ def _end_of_values(data: bytes, at: int) -> int | None:
 def _is_mark(data: bytes, at: int) -> bool:
     if data[at : at + len(MARK)] != MARK:
         return False
-    rest = data[at + len(MARK) : at + len(MARK) + _LONGEST_MARK]
+    # Characters of a line after its mark, all blank, up to which it is one
+    rest = data[at + len(MARK) : at + len(MARK) + 256]
     end = rest.find(b"\n")
     return not (rest[:end] if end >= 0 else rest).strip(b" \t\r\0\x1a") and (
         end >= 0 or at + len(MARK) + len(rest) == len(data)

@@ -21,9 +21,6 @@ PATTERNS: dict[int, tuple[tuple[int, ...], ...]] = {
 }
 """Columns of the lines of a node: label, definition system, displacement system, colour, coordinates."""
 
-_ALONG_AXIS = 1e-4
-"""Components by which a direction may miss a global axis and count as along it: angles of 0.006 degrees."""
-
 
 @dataclass(slots=True, eq=False)
 class UffNodes:
@@ -156,7 +153,9 @@ class UffNodes:
             return label
         vector = axes[(abs(direction) - 1) % 3]
         k = int(np.argmax(np.abs(vector)))
-        if np.abs(np.delete(vector, k)).max() > _ALONG_AXIS:
+        # Components by which a direction may miss a global axis and count as along it: angles of 0.006
+        # degrees
+        if np.abs(np.delete(vector, k)).max() > 1e-4:
             return None
         turned = (k + 1 + (3 if abs(direction) > 3 else 0)) * int(np.sign(vector[k]))
         return label_of(node, turned * (1 if direction > 0 else -1))

@@ -21,7 +21,6 @@ from fem.io.uff_format import UffBlock
 _NUMBER = re.compile(
     r"([-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+))(?:[EeDd]([-+]?[0-9]+)|([-+][0-9]+))?", re.ASCII
 )
-_LONGEST_NUMBER = 60
 _LARGEST_INTEGER = 2.0**53
 """Integers up to which a float is exact."""
 
@@ -46,7 +45,7 @@ class Tokens:
 def number_of(text: str) -> float | None:
     """Return a number with an exponent of E, D or its sign alone; None if it is none."""
     text = text.strip()
-    found = _NUMBER.fullmatch(text) if len(text) <= _LONGEST_NUMBER else None
+    found = _NUMBER.fullmatch(text) if len(text) <= 60 else None
     return None if found is None else float(f"{found[1]}e{found[2] or found[3] or 0}")
 
 
@@ -163,9 +162,9 @@ def records(block: UffBlock, pattern: Sequence[Sequence[int]], first: int = 1) -
     return np.array([x for row in values for x in row]).reshape(-1, columns.sum())
 
 
-def line_of(block: UffBlock, position: int, n_lines: int, first: int = 1) -> str:
+def line_of(block: UffBlock, position: int, n_lines: int) -> str:
     """Return the place in the file of a record among those of ``n_lines`` lines each."""
-    full = [k for k, line in enumerate(block.body.split(b"\n"), start=1) if k >= first and line.strip()]
+    full = [k for k, line in enumerate(block.body.split(b"\n"), start=1) if line.strip()]
     return block.at(full[position * n_lines])
 
 

@@ -14,9 +14,6 @@ from fem.io.uff_format import UffBlock, UffError, label_of
 from fem.io.uff_numbers import integer, number_of, real, text_at, tokens
 from fem.io.uff_types import UffUnits
 
-_DISPLACEMENTS = (0, 1, 8, 11, 12)
-"""Result types that are motions: unknown, general, displacement, velocity, acceleration."""
-
 _VECTORS = (0, 2, 3)
 """Data characteristics that are motions: unknown, three components, six components."""
 
@@ -73,7 +70,8 @@ def read_shape(block: UffBlock) -> UffShape | str:
             f"data type {head.data_type} with {head.per_node} values at each node; 2 or 5 (real, complex) "
             "and 3 or 6 are read"
         )
-    if head.result not in _DISPLACEMENTS or head.characteristic not in _VECTORS:
+    # Result types that are motions: unknown, general, displacement, velocity, acceleration
+    if head.result not in (0, 1, 8, 11, 12) or head.characteristic not in _VECTORS:
         return (
             f"result type {head.result} with data characteristic {head.characteristic} is no mode shape; "
             "motions have 8, 11 or 12 and 2 or 3"

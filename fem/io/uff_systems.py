@@ -15,9 +15,6 @@ CARTESIAN, CYLINDRICAL, SPHERICAL = range(3)
 GLOBAL_NUMBERS = (0, 1)
 """Systems that are the global one unless the file defines them: 0 always, 1 by the habit of most programs."""
 
-_ORTHONORMAL_WITHIN = 1e-3
-"""Allowed deviation of products of axes from those of unit vectors: four digits are written at least."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UffSystem:
@@ -169,7 +166,8 @@ def _unit(vector: Floats, place: str) -> Floats:
 
 def _rotation(axes: Floats, place: str) -> Floats:
     """Return the rotation nearest to axes that have few digits."""
-    if np.abs(axes @ axes.T - np.eye(3)).max() > _ORTHONORMAL_WITHIN or np.linalg.det(axes) < 0:
+    # Allowed deviation of products of axes from those of unit vectors: four digits are written at least
+    if np.abs(axes @ axes.T - np.eye(3)).max() > 1e-3 or np.linalg.det(axes) < 0:
         refuse(f"whose axes are not three right-handed unit vectors at right angles ({place})")
     if np.array_equal(axes, np.eye(3)):
         return axes

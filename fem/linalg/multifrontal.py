@@ -25,8 +25,6 @@ from scipy.sparse.csgraph import shortest_path
 LEAF = 96
 """Parts of at most this many coordinates are not cut further."""
 
-LEVELS = 4096
-"""Steps into which the largest extent of places is divided; nodes of one step count as lying in a plane."""
 
 COLUMN_MAJOR = 256
 """Front size from which right-hand sides are copied column by column for BLAS: twice as fast there."""
@@ -101,11 +99,11 @@ def _graph(A: Any, group: NDArray[np.int64]) -> sp.csr_array:
     return graph
 
 
-def _landmarks(graph: Any, n: int = 4) -> NDArray[np.int64]:
-    """Return distances in the graph from n nodes that are far from each other, shape (n, nodes)."""
+def _landmarks(graph: Any) -> NDArray[np.int64]:
+    """Return distances in the graph from four nodes that are far from each other, shape (4, nodes)."""
     distances: list[NDArray[np.int64]] = []
     at, nearest = 0, None
-    for k in range(n + 1):
+    for k in range(5):
         d = np.asarray(shortest_path(graph, method="D", unweighted=True, indices=at))
         reached = np.isfinite(d)
         d = np.where(reached, d, d[reached].max() + 2).astype(np.int64)
@@ -287,7 +285,8 @@ def _steps(places: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return places (n, d) as steps along each axis, (d, n)."""
     extent = float(np.ptp(places, axis=0).max(initial=0.0))
     from_corner = places - places.min(axis=0)
-    return np.round(LEVELS * from_corner / max(extent, 1e-300)).astype(np.int64).T
+    # Steps into which the largest extent of places is divided; nodes of one step count as lying in a plane
+    return np.round(4096 * from_corner / max(extent, 1e-300)).astype(np.int64).T
 
 
 def _alike(A: Any) -> NDArray[np.int64]:

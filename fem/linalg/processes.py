@@ -26,9 +26,6 @@ from numpy.typing import NDArray
 from fem.linalg.lanczos import TOLERANCE, RitzPairs
 from fem.linalg.solvers import SLEPC, Factor, factorise
 
-_CLASS = 1211216
-"""PETSc's mark of a matrix in a file."""
-
 _LINES = 3
 """Last lines of a failed process that an error repeats."""
 
@@ -203,7 +200,8 @@ def write_petsc(file: Path, A: Any, like: Any = None) -> None:
         msg = f"the matrix has {A.nnz} entries; PETSc with 32-bit integers takes at most {2**31 - 1}"
         raise ProcessesError(msg)
     with file.open("wb") as out:
-        np.array([_CLASS, *A.shape, A.nnz], ">i4").tofile(out)
+        # PETSc's mark of a matrix in a file
+        np.array([1211216, *A.shape, A.nnz], ">i4").tofile(out)
         np.diff(A.indptr).astype(">i4").tofile(out)
         A.indices.astype(">i4").tofile(out)
         A.data.astype(">f8").tofile(out)

@@ -25,10 +25,6 @@ from fem.system import System, law_change
 _ROUNDING = 1e-12
 """Entries of Q below this are rounding: the DOF does not move with the coordinate."""
 
-_NEGATIVE = 1e-13
-"""Eigenvalues of a static condensation above minus this may be rounding, relative to the diagonal of the
-condensed matrix [-]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduction:
@@ -370,7 +366,9 @@ def _refuse_unstable(system: System, part: _Partition, change: NDArray[np.float6
     K = sp.csc_array(system.K)[part.kept][:, part.kept].toarray()
     scale = 1 / np.sqrt(np.maximum(K.diagonal(), 1e-300))
     K = scale[:, None] * (K + (change + change.T) / 2) * scale
-    if n_omitted or np.linalg.eigvalsh(K)[0] < -_NEGATIVE:
+    # Eigenvalues of a static condensation above minus this may be rounding, relative to the diagonal of the
+    # condensed matrix [-]
+    if n_omitted or np.linalg.eigvalsh(K)[0] < -1e-13:
         with suppress(MechanismError):
             solve_eigenpairs(system, 1)
 

@@ -15,17 +15,8 @@ from fem.model import Array, ModelError
 from fem.summary import fields_summary
 from fem.system import System
 
-MAX_CONDITION = 1e6
-"""Modes that sensors see with a larger condition number count as indistinguishable.
-
-Measured shapes are good to three digits at best, so that even a hundredth of it leaves little.
-"""
-
 _TIED = 1e-10
 """Relative size below which a sensor's row, or its part independent of others, is rounding."""
-
-_SINGULAR_CONDITION = 1e9
-"""Condition number above which a frequency counts as one of the structure held at its sensors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,7 +249,9 @@ def left_inverse(seen: Array, frequency: NDArray[np.float64], n_sensors: int) ->
         )
         raise ModelError(msg)
     U, s, Vt = np.linalg.svd(seen, full_matrices=False)
-    lost = s <= s[0] / MAX_CONDITION
+    # Modes that sensors see with a larger condition number count as indistinguishable. Measured shapes are
+    # good to three digits at best, so that even a hundredth of it leaves little.
+    lost = s <= s[0] / 1e6
     if lost.any():
         weight = np.abs(Vt[lost]).max(axis=0)
         names = [
@@ -340,7 +333,8 @@ def _interpolant(
     scaled = scale[:, None] * G * scale
     singular = np.linalg.svd(scaled, compute_uv=False)
     condition = max(1.0, float(singular[0])) / max(float(singular[-1]), 1e-300)
-    if not condition < _SINGULAR_CONDITION:
+    # Condition number above which a frequency counts as one of the structure held at its sensors
+    if not condition < 1e9:
         msg = "the structure held at its sensors has a motion without stiffness"
         raise SingularMatrixError(msg)
     return np.linalg.solve(scaled, (Y * scale).T).T * scale, condition

@@ -17,12 +17,6 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.series import terms_in_series
 from fem.reduction.terms import ReducedTerm, law_parts, motions_of
 
-MOST_MOTIONS_AT_PLACE = 12
-"""Of more motions than this at a place, those are kept that forces at inputs and outputs bring about."""
-
-_ENERGY = 1e-9
-"""Motions with less than this share of the strongest one's energy are left out."""
-
 _PLACES = 16
 """Places whose responses are kept for further changes."""
 
@@ -265,7 +259,8 @@ class LocalChanges:
         if known is not None:
             matrices = [*matrices, known.motions @ known.motions.T]
         motions, inverse, scale = motions_of(matrices)
-        if motions.shape[1] > MOST_MOTIONS_AT_PLACE:
+        # Of more motions than this at a place, those are kept that forces at inputs and outputs bring about
+        if motions.shape[1] > 12:
             motions, inverse = self._brought_about(L, motions, inverse, matrices)
         Lm = motions.T @ L @ self.state.V
         G = times(Lm, self.state.solve((motions.T @ L).T))
@@ -295,7 +290,8 @@ class LocalChanges:
         responses = np.concatenate([times(LV, self.Xi), times(LV, self.Xo)], axis=1)
         strain = C.T @ responses.reshape(len(LV), -1).view(float)
         energy, directions = np.linalg.eigh(strain @ strain.T)
-        P = directions[:, energy > _ENERGY * energy[-1]]
+        # Motions with less than this share of the strongest one's energy are left out
+        P = directions[:, energy > 1e-9 * energy[-1]]
         onto: Any = np.linalg.solve(C, inverse)
         return motions @ C @ P, P.T @ onto
 

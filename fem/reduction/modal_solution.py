@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from fem.reduction.reduced_model import ReducedModel
 
-LOCAL_DAMPING_RATIO = 8
-"""Where local damping acts on this many times more motions than are asked for, these alone are solved for."""
-
 
 @dataclass(slots=True, eq=False)
 class ModalSolution:
@@ -123,7 +120,9 @@ class ModalSolution:
 
     def resisted(self, motions: NDArray[np.complex128]) -> NDArray[Any]:
         """Return the forces (n_freq, k, n) of local dampers, from the motions without them."""
-        if LOCAL_DAMPING_RATIO * motions.shape[2] < motions.shape[1] and self._correct is None:
+        # Where local damping acts on this many times more motions than are asked for, these alone are solved
+        # for
+        if 8 * motions.shape[2] < motions.shape[1] and self._correct is None:
             return np.linalg.solve(self.yielding, self.resisting @ motions)
         return self.correct @ motions
 

@@ -15,14 +15,8 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import Lacking, ReducedModel
 from fem.reduction.terms import ReducedTerm
 
-FIRST_ORDER = 0.01
-"""Local damping of a mode up to this part of its eigenvalue is followed to the first order [-]."""
-REFINEMENTS = 3
-"""Rayleigh quotient iterations for a mode with more; they converge cubically."""
 STACKED = ("K", "M", "C", "D", "connections")
 """Matrices of a :class:`ModeStack`."""
-LEAST_EIGENVALUE_GAP = 1e-4
-"""Eigenvalues nearer than this, relatively, have derivatives of their shapes as if this far apart [-]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -125,7 +119,8 @@ def with_strong_damping(
     def quotient(y: NDArray[Any]) -> NDArray[Any]:
         return (y * (A @ y[:, :, None])[:, :, 0]).sum(axis=1) / (y**2).sum(axis=1)
 
-    for _ in range(REFINEMENTS):
+    # Rayleigh quotient iterations for a mode with more; they converge cubically
+    for _ in range(3):
         shifted = A.copy()
         shifted[:, n, n] -= quotient(y)[:, None]
         try:
@@ -387,7 +382,9 @@ class ModesAt:
         shapes = []
         for c, (_, k, _) in enumerate(modes):
             lam = others[c].eigenvalues
-            apart, near = lam[k] - lam, (LEAST_EIGENVALUE_GAP * lam[k]) ** 2
+            # Eigenvalues nearer than this, relatively, have derivatives of their shapes as if this far apart
+            # [-]
+            apart, near = lam[k] - lam, (1e-4 * lam[k]) ** 2
             weight = apart / (apart**2 + near)
             weight[k] = 0.0
             mixed = others[c].shapes * weight
@@ -564,7 +561,8 @@ class ModeStack:
                 s = of(X)
                 resisting, first = resisting + f[:, :1].imag * s, first + (1 - members) * f[:, :1].real * s
             first = first + 1j * resisting
-            a, i = np.nonzero(there & (np.abs(resisting) > FIRST_ORDER * np.maximum(lam, 1e-300)))
+            # Local damping of a mode up to this part of its eigenvalue is followed to the first order [-]
+            a, i = np.nonzero(there & (np.abs(resisting) > 0.01 * np.maximum(lam, 1e-300)))
             if len(a):
                 values, moved = self._followed(a, modes[i], k[a, i])
                 out = out.astype(complex)

@@ -31,12 +31,6 @@ in factored form; forces for a basis are taken from the former."""
 RESIDUAL_LIMIT = 20_000
 """Models with at most this many DOFs get the residual flexibility at the places of candidates."""
 
-_ELEMENT = 12
-"""DOFs of one element."""
-
-MOST_VECTORS_BY_PAIRS = 256
-"""Elements with one common matrix are projected by sums over their pairs of DOFs on bases of at most so many
-vectors."""
 
 _PAIRS = 8
 """Sets of elements whose sums over pairs of DOFs are kept."""
@@ -47,9 +41,6 @@ _MODELS = 4
 _VECTORS, _ROWS = 8, 400
 """Sets of sensors whose projections are kept."""
 
-_FEW_ROWS = 2000
-"""Derivatives of elements with so many DOFs together are projected one by one, which needs no sparse matrix.
-Values are not: their large parts cancel better in a sum."""
 
 _SHAPES = 256
 """Sets of forces for which the shapes that the basis lacks are kept."""
@@ -267,7 +258,8 @@ class ReducedModel:
         """
         if self.model.n_dof > RESIDUAL_LIMIT:
             return None
-        b, few = self.basis, len(dofs) <= _ELEMENT
+        # DOFs of one element
+        b, few = self.basis, len(dofs) <= 12
         # All of an element's is solved for at once: it serves every effect there.
         key, known = (dofs.tobytes(), b"" if few else motions.tobytes()), self.full.flexibility
         if key not in known:
@@ -332,7 +324,9 @@ class ReducedModel:
         )
         T = self.basis.T
         if len(dofs) > max(LOCAL_LIMIT, LOCAL_SHARE * T.shape[1]):
-            few = sum(c.dofs.size for c in contributions) <= _FEW_ROWS
+            # Derivatives of elements with so many DOFs together are projected one by one, which needs no
+            # sparse matrix. Values are not: their large parts cancel better in a sum.
+            few = sum(c.dofs.size for c in contributions) <= 2000
             if imaginary and few and not any(c.law for c in contributions):
                 static = [static_part(c, imaginary) for c in contributions]
                 K, M, C, D = (_congruent(T, static, key) for key in "KMCD")
@@ -378,7 +372,9 @@ class ReducedModel:
         """
         if (
             len(contributions) != 1
-            or not len(contributions[0].dofs) >= self.basis.T.shape[1] <= MOST_VECTORS_BY_PAIRS
+            # Elements with one common matrix are projected by sums over their pairs of DOFs on bases of at
+            # most so many vectors
+            or not len(contributions[0].dofs) >= self.basis.T.shape[1] <= 256
         ):
             return None
         (c,) = contributions

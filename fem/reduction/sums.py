@@ -13,8 +13,6 @@ from fem.tabulated import ChebyshevTable
 
 Floats = NDArray[np.float64]
 
-FEW_NODES = 14
-"""Nodes of tables over ± ln 5, where the error falls as 4.2^-n."""
 NEGLIGIBLE = 1e-9
 """Singular values that are left out [-]."""
 
@@ -59,7 +57,8 @@ class Sums:
                     def flat(s: float, of: Any = parts, key: str = key) -> Floats:
                         return np.concatenate([getattr(c, key).ravel() for c in of(s)])
 
-                    table = ChebyshevTable.of(np.log(p.lower), np.log(p.upper), flat, FEW_NODES, NEGLIGIBLE)
+                    # Nodes of tables over ± ln 5, where the error falls as 4.2^-n
+                    table = ChebyshevTable.of(np.log(p.lower), np.log(p.upper), flat, 14, NEGLIGIBLE)
                     tables.append((p.name, table))
                     for row in table.parts:
                         of_row = _contributions(like, key, row)

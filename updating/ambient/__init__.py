@@ -11,13 +11,3 @@ if TYPE_CHECKING:
     from updating.ambient.subspace import decompose, fit_orders
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "USED_BAND",
-    "Correlations",
-    "block_correlations",
-    "decompose",
-    "fit_orders",
-    "prepare_record",
-    "singular_spectra",
-]

@@ -14,8 +14,6 @@ LEAST_CHANNELS = 2
 USED_BAND = 0.4
 """Highest frequency in parts of the sample rate: filters before sampling leave the rest in doubt [-]."""
 
-WIDEST = 40.0
-"""Highest over lowest frequency of a band that is not given [-]."""
 
 LEAST_ROWS = 20
 """Block rows at least."""
@@ -143,7 +141,8 @@ def _checked(y: Floats, sample_rate: float, channels: Sequence[str] | None) -> t
 
 def _band(sample_rate: float, band: tuple[float, float] | None) -> tuple[float, float]:
     high = USED_BAND * sample_rate if band is None else float(band[1])
-    low = high / WIDEST if band is None else float(band[0])
+    # Highest over lowest frequency of a band that is not given [-]
+    low = high / 40.0 if band is None else float(band[0])
     if not 0 < low < high:
         msg = f"the band is {low:g} to {high:g} Hz; a positive frequency and a higher one are needed"
         raise AmbientError(msg)

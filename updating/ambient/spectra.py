@@ -14,8 +14,6 @@ AVERAGES = 32
 LONGEST = 4096
 """Samples of a segment at most."""
 
-RISE = 5.0
-"""Least rise of a peak above its surroundings, in standard deviations of the difference of two lines."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -113,7 +111,8 @@ def peaks_of(spectra: SingularSpectra, band: tuple[float, float]) -> tuple[Peak,
     from scipy.signal import find_peaks  # a second to import
 
     level = np.log(np.maximum(spectra.values[:, 0], 1e-300))
-    at, found = find_peaks(level, prominence=RISE * np.sqrt(2 / spectra.averages))
+    # Least rise of a peak above its surroundings, in standard deviations of the difference of two lines
+    at, found = find_peaks(level, prominence=5.0 * np.sqrt(2 / spectra.averages))
     return tuple(
         Peak(float(spectra.frequency[k]), float(10 * rise / np.log(10)))
         for k, rise in zip(at, found["prominences"], strict=True)

@@ -16,14 +16,6 @@ from updating.ambient.correlations import Correlations
 MATHEMATICAL_DAMPING = 0.2
 """Poles with a larger damping ratio are taken for mathematical ones [-]."""
 
-LEAST_MORE = 8
-"""Orders above that of the record in which its poles are sought again, at least; else half as many."""
-
-N_SAMPLES = 8
-"""Samples of the error of the correlations, from which its size is."""
-
-POWER_STEPS = 30
-"""Steps of the power iteration for a largest singular value, which then errs by a few per cent at most."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -123,7 +115,8 @@ def decompose(correlations: Correlations, n_rows: int) -> Subspaces:
     U, s, Vt = np.linalg.svd(H, full_matrices=True)
     V = Vt[: len(s)].T
     order = _order(correlations, n_rows, U[:, : len(s)], s, V)
-    highest = min(order + max(LEAST_MORE, 2 * (order // 4)), len(s) - len(s) % 2 - 2)
+    # Orders above that of the record in which its poles are sought again, at least; else half as many
+    highest = min(order + max(8, 2 * (order // 4)), len(s) - len(s) % 2 - 2)
     order = min(order, highest)
     left, right = [], []
     for R in correlations.of_block:
@@ -138,7 +131,8 @@ def decompose(correlations: Correlations, n_rows: int) -> Subspaces:
 def _order(c: Correlations, n_rows: int, U: Floats, s: Floats, V: Floats) -> int:
     """Return the even number of singular values that are above the noise of the space that they leave."""
     n_blocks = len(c.of_block)
-    signs = hadamard(n_blocks).astype(float)[1 : 1 + min(N_SAMPLES, n_blocks - 1)]
+    # Samples of the error of the correlations, from which its size is
+    signs = hadamard(n_blocks).astype(float)[1 : 1 + min(8, n_blocks - 1)]
     samples: list[Floats] = [np.einsum("b,blor->lor", g / n_blocks, c.of_block) for g in signs]
     errors = [U.T @ _hankel(R, n_rows) @ V for R in samples]
     for n in range(2, len(s) - 2, 2):
@@ -150,7 +144,8 @@ def _order(c: Correlations, n_rows: int, U: Floats, s: Floats, V: Floats) -> int
 def _norm(A: Floats) -> float:
     """Return the largest singular value, from a fixed start: equal data give equal results."""
     x = np.ones(A.shape[1])
-    for _ in range(POWER_STEPS):
+    # Steps of the power iteration for a largest singular value, which then errs by a few per cent at most
+    for _ in range(30):
         x = A.T @ (A @ x)
         x /= max(float(np.linalg.norm(x)), 1e-300)
     return float(np.linalg.norm(A @ x))

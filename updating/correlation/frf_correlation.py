@@ -364,10 +364,6 @@ def compare(
     return Comparison(f, ratio, edges, error, phase, frac(measured.H, H), measured.outputs, measured.inputs)
 
 
-EXCHANGE_ERROR_SHARE = 0.5
-"""Two channels look exchanged if that leaves less than this part of their error [-]."""
-
-
 def exchanged_labels(
     measured: FRF, computed: FRF, mask: NDArray[np.bool_] | None = None
 ) -> dict[tuple[str, str, str], str]:
@@ -390,7 +386,8 @@ def exchanged_labels(
                     _rms_db(computed_size[[i, j]] - size[order], computed_size[[j, i]] - size[order])
                     for order in ([i, j], [j, i])
                 )
-                if after < EXCHANGE_ERROR_SHARE * before:
+                # Two channels look exchanged if that leaves less than this part of their error [-]
+                if after < 0.5 * before:
                     out[word, names[i], names[j]] = (
                         f"{word} '{names[i]}' and '{names[j]}' look exchanged: their error is "
                         f"{before:.2g} dB, and {after:.2g} dB with each label at the other's place"

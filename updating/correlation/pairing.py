@@ -15,8 +15,6 @@ from updating.correlation.shape_correlation import mac, orthonormal_basis, princ
 
 UNSEEN = 1e-9
 """Computed shapes below this part of the largest one at the sensors are rounding: their modes are unseen."""
-REPEATED = 0.1
-"""Measured shapes within sin² of this of the space of others say the same again."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -270,7 +268,8 @@ def _independent(
     for i in sorted(mine, key=lambda i: -score[i, of[i]]):
         shared = ~np.isnan(x[:, [i, *kept]]).any(axis=1)
         comparable = shared.all() or shared.sum() > len(kept)  # on fewer DOFs any shape is in the space
-        if kept and comparable and 1 - subspace_mac(x[:, [i]], x[:, kept])[0] < REPEATED:
+        # Measured shapes within sin² of this of the space of others say the same again
+        if kept and comparable and 1 - subspace_mac(x[:, [i]], x[:, kept])[0] < 0.1:
             best = max(kept, key=lambda k: mac(x[:, i], x[:, k])[0, 0])
             why_not[i] = f"repeats measured mode {best + 1}"
         else:

@@ -13,9 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[Any]
 
-SAME_SPAN = 1e-10
-"""Singular values below this part of the largest are rounding: the vectors depend on one another."""
-
 
 def mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     """Compute the modal assurance criterion |φ_xᴴ φ_a|² / (φ_xᴴφ_x · φ_aᴴφ_a).
@@ -398,7 +395,8 @@ def orthonormal_basis(phi: Array) -> Array:
     size = _norms(phi)
     unit = phi[:, size > 0] / size[size > 0]
     U, s, _ = np.linalg.svd(unit, full_matrices=False)
-    return U[:, s > SAME_SPAN * s.max(initial=0.0)]
+    # Singular values below this part of the largest are rounding: the vectors depend on one another
+    return U[:, s > 1e-10 * s.max(initial=0.0)]
 
 
 def _shapes(phi_x: ArrayLike, phi_a: ArrayLike) -> tuple[Array, Array]:

@@ -25,31 +25,3 @@ if TYPE_CHECKING:
     from updating.diagnosis.verdict import Explanation
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "BAND_BEYOND",
-    "BASIS_LIMIT_DB",
-    "NOWHERE",
-    "ONE_STRUCTURE",
-    "Between",
-    "Departure",
-    "Explanation",
-    "FittedModePair",
-    "ModeTable",
-    "admitted",
-    "calibrate",
-    "calibrate_frfs",
-    "carried_over",
-    "changed_frf_problem",
-    "changed_problem",
-    "damped_modes",
-    "departed",
-    "force_levels",
-    "judged",
-    "modes_of",
-    "most_changed",
-    "poor_baseline",
-    "situated",
-    "unstated",
-    "what_decides",
-]

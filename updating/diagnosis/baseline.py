@@ -40,8 +40,6 @@ from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import fitted_model
 
-MOST_CAUSES = 4
-"""Largest number of first-state models with which the change is searched: each costs a search."""
 COMMON = "common "
 """Begins the names of effects that are missing in both states: a change may be of the same kind and place."""
 
@@ -133,7 +131,8 @@ def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:
         every += [(float(h.score + np.logaddexp(0.0, half - all_)), h) for h in with_effects]
     every.sort(key=lambda each: -each[0])
     before = np.cumsum([0.0, *(np.exp(score - done.evidence) for score, _ in every)])
-    likely = [each for each, p in zip(every, before, strict=False) if p < CREDIBLE][:MOST_CAUSES]
+    # Largest number of first-state models with which the change is searched: each costs a search
+    likely = [each for each, p in zip(every, before, strict=False) if p < CREDIBLE][:4]
     bases, scores = [], []
     for score, h in likely:
         with suppress(np.linalg.LinAlgError):  # on the basis with its forces there is no structure

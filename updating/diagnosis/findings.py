@@ -10,9 +10,6 @@ from fem.summary import counted, quantity, summary
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
 
-AT_BOUND = 1e-6
-"""Values are at a bound if they differ from it by no more than this, relatively [-]."""
-
 
 @dataclass(frozen=True, slots=True)
 class EffectParameter:
@@ -174,7 +171,8 @@ def parameters_of(effect: Effect, fit: FitResult) -> tuple[EffectParameter, ...]
 
 def _at_bound(p: Parameter, value: float) -> bool:
     """Return whether a value has run to a bound, but for rounding."""
+    # Values are at a bound if they differ from it by no more than this, relatively [-]
     return any(
-        np.isfinite(bound) and abs(value - bound) <= AT_BOUND * max(abs(bound), abs(value) if bound else 0.0)
+        np.isfinite(bound) and abs(value - bound) <= 1e-6 * max(abs(bound), abs(value) if bound else 0.0)
         for bound in (p.lower, p.upper)
     )

@@ -25,10 +25,6 @@ from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.least_squares.loss import pseudo_huber
 
-N_LAWS = 4
-"""Laws that are fitted, at most."""
-N_GRID_LINES = 60
-"""Lines at which they are looked at."""
 N_STARTS = 2
 """Points of a law's grid from which it is fitted."""
 LARGE_MOTION = 0.9
@@ -98,7 +94,8 @@ def _looked_at(
     problem: FitProblem, levels: Sequence[FitData], current: FitResult, laws: Sequence[AmplitudeDependent]
 ) -> list[list[AmplitudeDependent]]:
     """Return the most promising laws by their residual level on a grid of values, each at its best points."""
-    lines = problem.lines_up_to(np.inf, N_GRID_LINES)
+    # Lines at which they are looked at
+    lines = problem.lines_up_to(np.inf, 60)
     looked: list[tuple[float, list[AmplitudeDependent]]] = []
     nearby: dict[tuple[str, str], Receptances] = {}
     for law in laws:
@@ -116,7 +113,8 @@ def _looked_at(
         best = np.argsort(seen, kind="stable")[:N_STARTS]
         looked.append((seen[best[0]], [points[k] for k in best]))
     looked.sort(key=lambda pair: pair[0])
-    return [starts for _, starts in looked[:N_LAWS]]
+    # Laws that are fitted, at most
+    return [starts for _, starts in looked[:4]]
 
 
 def _at_joint(

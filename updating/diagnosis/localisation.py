@@ -33,8 +33,6 @@ NOWHERE = (
 )
 N_LINES, MOST_VALUES = 44, 1500
 """Lines, and largest number of values of FRFs, at which changes are judged."""
-N_SOLVED = 40
-"""Of the candidates that explain most to first order so many, and the best of each place, are solved for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,7 +144,8 @@ def _shares(problem: FitProblem, result: FitResult, candidates: Sequence[Effect]
     out[small] = forecast.best_shares
     order = np.argsort(-out, kind="stable").tolist()
     best = {place_named(candidates[k])[0]: k for k in reversed(order)}
-    solved = {*order[:N_SOLVED], *best.values()}
+    # Of the candidates that explain most to first order so many, and the best of each place, are solved for
+    solved = {*order[:40], *best.values()}
     tried = {k: _about_best(forecast, n) for n, k in enumerate(small) if k in solved}
     tried |= {k: grids[k] for k in set(range(len(grids))) - set(small)}
     rows = list(tried)

@@ -13,8 +13,6 @@ from updating.diagnosis.separation import BAND_BEYOND
 
 FURTHER = 5
 """Number of modes beyond the measured ones that are compared."""
-N_PROPOSALS = 3
-"""Largest number of proposals."""
 FREQUENCY_STD, SHAPE_STD = 1e-3, 0.03
 """Deviations of what would be measured: of a frequency, and of a component of a shape in parts of its largest
 value [-]."""
@@ -63,7 +61,8 @@ def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) 
             proposals.append((size, f"the natural frequency near {f:.4g} Hz ({f:.5g} or {g:.5g} Hz)"))
         proposals.append(_shape(base, np.real(one.shapes[:, i]), np.real(two.shapes[:, j]), f))
     proposals = sorted((t for t in proposals if t[0] >= 2.0), key=lambda t: -t[0])
-    return tuple(text for _, text in proposals[:N_PROPOSALS])
+    # Largest number of proposals
+    return tuple(text for _, text in proposals[:3])
 
 
 def _shape(

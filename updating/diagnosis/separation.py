@@ -30,14 +30,8 @@ from updating.measurement.measurement import STRAIN, Measurement, Sensor, direct
 
 N_COMPARED_LINES = 60
 """Lines at which predictions are compared."""
-POINTS_PER_MEMBER = 5
-"""Places along a member at which a sensor or a force is tried; fewer where there are many members."""
 MOST_PLACES = 120
 """Approximate largest number of places that are tried."""
-MOST_CHANNELS = 8
-"""Largest number of present sensors that count for a new force."""
-QUIET_SHARE = 0.1
-"""New channels have the noise that no more than this share of the present values is below [-]."""
 N_AT_ONCE = 24
 """Number of new channels whose slopes are kept at once."""
 BAND_BEYOND = 1.5
@@ -189,7 +183,8 @@ def next_measurements(
 def places_along(model: Model) -> list[tuple[int, str]]:
     """Return points of the mesh along the members and of reduced parts, each once, with their names."""
     mesh, out, seen = model.mesh, [], set()
-    count = int(np.clip(MOST_PLACES // max(len(mesh.members), 1), 2, POINTS_PER_MEMBER))
+    # Places along a member at which a sensor or a force is tried; fewer where there are many members
+    count = int(np.clip(MOST_PLACES // max(len(mesh.members), 1), 2, 5))
     for member in mesh.members:
         points = mesh.member_points(member)
         along = mesh.member_positions(member)
@@ -287,7 +282,8 @@ class _Separated:
         """Return for each new sensor, or force, the difference [dB] and the evidence [nats]; NaN in noise."""
         m, groups = self.problem.data.measurement, self._groups(frequency)
         others = m.excitations if kind == "sensor" else m.sensors
-        some = others[:: max(1, len(others) // MOST_CHANNELS)] if kind == "excitation" else others
+        # Largest number of present sensors that count for a new force
+        some = others[:: max(1, len(others) // 8)] if kind == "excitation" else others
         # one channel among those that there are, each line with as many values as before
         n_lines = np.bincount(groups, minlength=len(self.sizes))
         full = len(self.problem.lines_up_to(np.inf, FULL_LINES)) * n_lines / n_lines.sum()
@@ -447,7 +443,8 @@ class _Separated:
             here = known[:, :, inputs]
             if not here.any():
                 return 0.0, 0.0
-            one, two = (float(np.quantile(x[:, :, inputs][here], QUIET_SHARE)) for x in (share, added))
+            # New channels have the noise that no more than this share of the present values is below [-]
+            one, two = (float(np.quantile(x[:, :, inputs][here], 0.1)) for x in (share, added))
             return one, two
 
         number = {name: [k] for k, name in enumerate(present.measurement.frf.inputs)}
@@ -455,8 +452,5 @@ class _Separated:
         parts = np.array([quiet(number.get(name, every)) for name in test.frf.inputs])
         with np.errstate(divide="ignore", invalid="ignore"):
             scatter = np.hypot(parts[:, 0], parts[:, 1] / (np.abs(H) * f[:, None, None] ** 2))
-        one = FRF.from_arrays(
-            f, H, "receptance", test.frf.outputs, test.frf.inputs, test.frf.base, test.frf.strain
-        )
         scatter = np.where(H != 0, scatter, 0.0)
-        return prepared_like(problem, replace(test, frf=one.as_kind(test.frf.kind), scatter=scatter))
+        return prepared_like(problem, replace(test, frf=test.frf.with_receptances(H, f), scatter=scatter))

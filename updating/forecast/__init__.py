@@ -12,17 +12,3 @@ if TYPE_CHECKING:
     from updating.forecast.sizes import Sizes
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "EffectEstimate",
-    "ExpectedGains",
-    "Forecast",
-    "Grid",
-    "Information",
-    "Little",
-    "Look",
-    "Sizes",
-    "candidate_terms",
-    "level",
-    "without",
-]

@@ -28,8 +28,6 @@ MOST_VALUES, MOST_COMPARED = 10_000, 3_000
 """Largest number of values of FRFs that are used for gains, and where changes are kept to be compared."""
 ROUNDING = 1e-9
 """Changes of residuals by the largest plausible size below this are none [nepers]."""
-LEAST_SQUARE = 1e-300
-"""A sum of squared residuals below this is none."""
 MOST_SAMPLED, FAINT = 400, 0.05
 """Number of residuals by which sizes are compared; faint changes, in parts of the rms, do not count."""
 STEP = 1e-3
@@ -266,7 +264,8 @@ class Forecast:
         of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
         self.squares[rows] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
         self.precision[rows] = np.sqrt(square)
-        self.share[rows] = -a * (2 * slope + a * square) / np.maximum(to_take, LEAST_SQUARE)
+        # A sum of squared residuals below this is none
+        self.share[rows] = -a * (2 * slope + a * square) / np.maximum(to_take, 1e-300)
         if len(self.vectors):
             self.vectors[rows] = look.whitened(beyond)
             self.moved[rows] = look.moved(change)

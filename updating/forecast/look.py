@@ -34,8 +34,6 @@ RELEASED = 0.01
 """A constraint counts as released, and hardly giving way, at this share of a size [-]."""
 EXPLAINED_TOGETHER = 16
 """Number of candidates whose grids are adapted to at once."""
-NEAR_BOUND = 0.01
-"""A parameter this near its bound, in its standard deviations, is at it [-]."""
 
 
 Floats = NDArray[np.float64]
@@ -180,7 +178,8 @@ class Look(Generic[P, C]):
         known = np.where(np.isfinite(prior.std), 1 / prior.std, 0.0)
         # What is at its bound moves no farther.
         low_bound, high_bound = function.limits().T
-        near = NEAR_BOUND * np.where(np.isfinite(prior.std), prior.std, 0.0)
+        # A parameter this near its bound, in its standard deviations, is at it [-]
+        near = 0.01 * np.where(np.isfinite(prior.std), prior.std, 0.0)
         free = (x > low_bound + near) & (x < high_bound - near)
         free |= not bounded
         return Look(

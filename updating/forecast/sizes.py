@@ -10,9 +10,6 @@ from updating.forecast.grid import Little
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.unknowns import ScaledUnknown, effect_unknowns
 
-LEAST_MASS = 1e-300
-"""Prior probabilities below this count as this: their logarithm stays finite [-]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sizes:
@@ -51,7 +48,8 @@ class Sizes:
         """
         half = np.sqrt(np.pi / 2) * std
         low, high = (self.x(k, factor + sign * half) for sign in (-1, 1))
-        return float(np.log(max(self.prior.mass(low, high), LEAST_MASS)))
+        # Prior probabilities below this count as this: their logarithm stays finite [-]
+        return float(np.log(max(self.prior.mass(low, high), 1e-300)))
 
     def x(self, k: int, factor: float) -> float:
         """Return the unknown at a multiple of the k-th place's little."""

@@ -15,8 +15,6 @@ from updating.inference.frf_inputs import FrfInputs
 
 BASIS_SHARE = 0.03
 """Share of the level that a basis may err by [-]."""
-LEAST_SHAPE = 1e-4
-"""What a basis lacks of responses in directions smaller than this share of them does not join it [-]."""
 N_BASES = 2
 """Number of further fits of a calibration, each with its own modes in the basis."""
 
@@ -29,7 +27,8 @@ def with_responses(problem: FrfInputs, result: FitResult, n_lines: int) -> tuple
     error, responses = direct_responses(problem, result, n_lines)
     if error <= BASIS_SHARE * result.level / np.sqrt(2):
         return None
-    return error, problem.reduced.with_shapes(responses, LEAST_SHAPE)
+    # What a basis lacks of responses in directions smaller than this share of them does not join it [-]
+    return error, problem.reduced.with_shapes(responses, 1e-4)
 
 
 def direct_responses(

@@ -23,8 +23,6 @@ LEAST_LINES = 4
 """With fewer such lines there is nothing to fit."""
 HIGHEST_ORDER, LINES_PER_ORDER = 120, 4
 """Order of the rational function, and how many lines it needs for each at least."""
-QUIET = 1e-3
-"""Lines at which FRFs are smaller than this share of their sizes count no more for the rational function."""
 Complexes = NDArray[np.complex128]
 
 
@@ -69,7 +67,9 @@ class Continuation:
         poles = poles_of_order(f, few, order, size)
         flat = there.reshape(len(f), -1)
         sizes = np.maximum(np.sqrt((np.abs(flat) ** 2).mean(axis=0)), 1e-300)
-        weight = 1 / np.maximum((np.abs(flat) / sizes).mean(axis=1), QUIET)[:, None]
+        # Lines at which FRFs are smaller than this share of their sizes count no more for the rational
+        # function
+        weight = 1 / np.maximum((np.abs(flat) / sizes).mean(axis=1), 1e-3)[:, None]
         terms, wanted = weight * _terms(s[known], s[-1].imag, poles), weight * flat / sizes
         scale = np.linalg.norm(terms, axis=0)
         A, b = (np.vstack([X.real, X.imag]) for X in (terms / scale, wanted))

@@ -212,7 +212,6 @@ class FitProblem(FrfInputs, Problem[FitData]):
             fit_db=_rms(ratio.real[~held_out]),
             held_out_db=_rms(ratio.real[held_out]),
             level=self.level(ratio[~held_out], lines[~held_out]) if np.isnan(result.level) else result.level,
-            held_out_level=self.level(ratio[held_out], lines[held_out]),
             unseen=self._unseen(ratio[held_out], lines[held_out]),
         )
 
@@ -255,8 +254,7 @@ class FitProblem(FrfInputs, Problem[FitData]):
     def as_measured(self, H: NDArray[np.complex128]) -> FRF:
         """Return receptances as FRFs in the kind of the measurement."""
         m = self.data.measurement.frf
-        frf = FRF.from_arrays(m.frequency, H, "receptance", m.outputs, m.inputs, m.base, m.strain)
-        frf = frf.as_kind(m.kind)
+        frf = m.with_receptances(H)
         return frf if self.data.phase else replace(frf, H=np.abs(frf.H).astype(complex))
 
 

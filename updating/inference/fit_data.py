@@ -35,10 +35,6 @@ TRANSVERSE = 0.01
 right [-]: accelerometers hear one to three per cent of it, and nobody mounts them straighter."""
 
 
-LEAST_SHARE_SEEN = 0.2
-"""FRFs that are more than noise at no more than this share of the lines are not compared at any [-]."""
-
-
 MODEL_ERROR = 0.05
 """Relative accuracy that is asked of a model where the measurement is better than that [-]."""
 
@@ -234,7 +230,8 @@ def counted_values(
         if calculated is not None and alike.any():
             mask[alike] &= calculated[alike] > 10 ** (-60 / 20) * np.median(calculated[alike])
     mask = mask & (uncertain < NOISE_LIMIT) & (frf.H != 0)
-    return mask & (mask.mean(axis=0) > LEAST_SHARE_SEEN)
+    # FRFs that are more than noise at no more than this share of the lines are not compared at any [-]
+    return mask & (mask.mean(axis=0) > 0.2)
 
 
 def _noise_of(measurement: Measurement) -> NDArray[np.float64]:

@@ -31,8 +31,8 @@ class FitResult:
         The added effects at their fitted values.
     fit_db, held_out_db : float
         Root mean square of the amplitude's error on the lines fitted and held out [dB].
-    level, held_out_level : float
-        Robust residual level, amplitude and phase, on the lines fitted and held out [nepers].
+    level : float
+        Robust residual level, amplitude and phase, on the lines fitted [nepers].
     covariance : ndarray (n, n)
         Of the values, in their order, and the damping curve's unknowns: of ln θ for positive parameters and
         these unknowns, and of θ for others. Empty without a fit.
@@ -62,7 +62,6 @@ class FitResult:
     fit_db: float
     held_out_db: float
     level: float
-    held_out_level: float = np.nan
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
     scatter: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))

@@ -26,8 +26,6 @@ QUICK_LINES = 40
 """Lines of quick fits."""
 QUICK_NATS = 0.1
 """They end when a step gains less."""
-DECAYS = 0.04, 0.015, 0.004
-"""Decay rates of FRFs to which fits far from the data begin, in parts of the band [-]."""
 ITERATIONS = 14
 """Largest number of iterations in each band of a fit."""
 N_PASSES = 3
@@ -38,8 +36,6 @@ COMPARED: dict[str, Any] = {"n_lines": QUICK_LINES, "tolerance": QUICK_NATS}
 """Settings of fits that are only compared."""
 Watch = Callable[[FitFunction, float], Report]
 """Gives what is called after each step, for a function of lines up to a frequency [Hz]."""
-RANKED = ((2, 6), (6, 2))
-"""Steps of quick fits from several starts, and how many of the best go on: twice, then to all lines."""
 
 
 def fit(
@@ -117,7 +113,8 @@ def far_fit(problem: Problem[Any]) -> FitResult | None:
     frfs, near = problem.damped_frfs(), None
     if frfs is None:
         return None
-    for share in DECAYS:
+    # Decay rates of FRFs to which fits far from the data begin, in parts of the band [-]
+    for share in (0.04, 0.015, 0.004):
         damped_problem = frfs.at(share)
         if damped_problem is not None:
             stages = damped_problem.stages[-1:]
@@ -212,7 +209,8 @@ def fit_given(
         for k, e in enumerate(effects)
         for s in e.starts(problem.surroundings)
     ]
-    for steps, kept in RANKED if starts else ():
+    # Steps of quick fits from several starts, and how many of the best go on: twice, then to all lines
+    for steps, kept in ((2, 6), (6, 2)) if starts else ():
         tried = []
         for values, near in starts:
             with suppress(np.linalg.LinAlgError):  # no structure: more mass taken away than there is

@@ -20,8 +20,6 @@ from updating.inference.residual_changes import Complexes, Floats, ResidualChang
 
 VISIBLE = 1e-3
 """Changes of the compared FRFs below this are not seen: the directions measured do not have them [nepers]."""
-MOST_RESPONSES = 20_000_000
-"""Largest number of responses of all DOFs, to sensors and forces at all lines, that are kept."""
 LEAST_LINES = 12
 """Lines that are kept of them in any case."""
 
@@ -135,7 +133,8 @@ def n_lines(problem: Any) -> int:
     """Return at how many lines the responses of all DOFs are kept."""
     frf = problem.data.measurement.frf
     responses = problem.reduced.model.n_dof * (len(frf.outputs) + len(frf.inputs))
-    return min(FULL_LINES, max(MOST_RESPONSES // responses, LEAST_LINES))
+    # Largest number of responses of all DOFs, to sensors and forces at all lines, that are kept
+    return min(FULL_LINES, max(20_000_000 // responses, LEAST_LINES))
 
 
 def _some(n: int, most: int) -> NDArray[np.int64]:

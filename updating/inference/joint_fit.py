@@ -20,8 +20,6 @@ from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
 
 Floats = NDArray[np.float64]
-OF_MODES = 100
-"""Groups of residuals of modes come behind those of FRFs from this number on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +104,8 @@ class JointFunction(FitFunction[FrfInputs]):
     def groups(self) -> NDArray[np.int64]:
         """Band of each residual of an FRF, and kind of each of a mode, (m,)."""
         frf, modes = self.frf, self.modes
-        return np.concatenate([frf.groups, OF_MODES + modes.groups])
+        # Groups of residuals of modes come behind those of FRFs from this number on
+        return np.concatenate([frf.groups, 100 + modes.groups])
 
     @property
     def of_modes(self) -> NDArray[np.bool_]:

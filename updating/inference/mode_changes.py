@@ -25,10 +25,6 @@ VISIBLE = 0.1
 """Changes of the data below this are not seen: what was measured does not have them [standard deviations]."""
 HIGHEST = 4.0
 """Modes up to this multiple of the highest measured frequency make the space of changes on grids."""
-MOST_FORCES = 6
-"""Effects with more independent forces act on whole members; the modal basis represents them."""
-SAME_FORCE = 1e-6
-"""Forces that differ by less are one [-]."""
 
 Key = tuple[tuple[str, str], ...]
 
@@ -201,7 +197,8 @@ class ModeChanges(ResidualChanges):
             return None
         parts = [X for X in (term.K, term.M, *(X for _, X in term.laws)) if X is not None and X.any()]
         U = _independent_columns(np.hstack([np.zeros((len(term.L), 0)), *parts]))
-        return (term.L @ self.modes.columns).T @ U if 0 < U.shape[1] <= MOST_FORCES else None
+        # Effects with more independent forces act on whole members; the modal basis represents them
+        return (term.L @ self.modes.columns).T @ U if 0 < U.shape[1] <= 6 else None
 
     @cached_property
     def _spaces(self) -> dict[Key, tuple[ModesAt, Floats]]:
@@ -266,4 +263,5 @@ def _independent_columns(A: Floats) -> Floats:
     """Return an orthonormal basis of the columns of a matrix, each of which counts as much."""
     size = np.linalg.norm(A, axis=0)
     U, s, _ = np.linalg.svd(A[:, size > 0] / size[size > 0], full_matrices=False)
-    return U[:, s > SAME_FORCE * s.max(initial=0.0)]
+    # Forces that differ by less are one [-]
+    return U[:, s > 1e-6 * s.max(initial=0.0)]

@@ -50,12 +50,6 @@ LEAST_DISCREPANCY = np.array([0.0, FORM_DAMPING, 0.0])
 """The least. No theory of frames says how single modes are damped, however right it is: joints dissipate
 otherwise from mode to mode, and after each assembly (Segalman et al., *Handbook on Dynamics of Jointed
 Structures*, SAND2009-4164)."""
-MIXED = 0.003
-"""Relative error of stiffness by which neighbouring modes mix, for the default ``model_error`` [-]."""
-LEAST_MIXED = 1e-4
-"""The same for a model that is right but for its mesh [-]."""
-SPREAD = 1.25**2 - 1
-"""By how much more than stated the variance of noise may be [-]."""
 
 BAD_PRIOR = 0.015
 """Prior probability that a frequency, damping ratio or shape does not belong to the structure's model [-]."""
@@ -65,10 +59,6 @@ DOUBT = 0.01
 """Probability from which on a reading may be a bad one [-]."""
 HIGHEST = 1.2
 """Modes up to this multiple of the highest measured frequency join the basis of a fit [-]."""
-BASIS_NATS = 0.1
-"""A basis of the places of effects is as good where the likelihood on it differs by less [nats]."""
-BEFORE_FIT = 0.01
-"""Relative deviation of frequencies that a fair model has before a fit [-]."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -125,7 +115,8 @@ class ModeProblem(Problem[ModeTargets]):
         A precise test allows no step on which the modes of two neighbours change places: fits begin with
         deviations that are no smaller than those of the model.
         """
-        return np.array([np.hypot(1.0, BEFORE_FIT / self.targets.noise_level), 1.0])
+        # Relative deviation of frequencies that a fair model has before a fit [-]
+        return np.array([np.hypot(1.0, 0.01 / self.targets.noise_level), 1.0])
 
     def at_stage(self, factor: float) -> ModeProblem:
         """Return the problem with deviations that are larger by a factor.
@@ -231,7 +222,8 @@ class ModeProblem(Problem[ModeTargets]):
         there = self.with_forces_of(result)
         function = there.function(result.effects, start_of(result.effects), self.data.fitted)
         change = result.log_likelihood_at(function.misfit(function.point_of(result))) - result.log_likelihood
-        return None if abs(change) < BASIS_NATS else there
+        # A basis of the places of effects is as good where the likelihood on it differs by less [nats]
+        return None if abs(change) < 0.1 else there
 
     def better_basis(
         self, result: FitResult, n_lines: int = BASIS_LINES[0]
@@ -567,7 +559,8 @@ class ModeFunction(FitFunction[ModeProblem]):
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         levels = self.levels()
         discrepancy = (DISCREPANCY_MAX * self.problem.discrepancy[levels.kind]) ** 2 * levels.n / levels.size
-        return SPREAD * levels.noise + discrepancy
+        # By how much more than stated the variance of noise may be [-]
+        return (1.25**2 - 1) * levels.noise + discrepancy
 
     def errors(self, x: Floats) -> Errors:
         """Return how far computed modes are from the measured ones."""
@@ -723,7 +716,9 @@ class ModeFunction(FitFunction[ModeProblem]):
         phi = np.where(known[i], phi, 0.0)
         each, lam = np.arange(len(i)), eigenvalues
         share = self.problem.model_error / EXPLAINED_LEVEL
-        least = float(np.hypot(MIXED * share, LEAST_MIXED)) * np.abs(lam[each, partner])[:, None]
+        # Relative errors of stiffness by which neighbouring modes mix: for the default ``model_error``, and
+        # for a model that is right but for its mesh [-]
+        least = float(np.hypot(0.003 * share, 1e-4)) * np.abs(lam[each, partner])[:, None]
         m = least / np.maximum(np.abs(lam - lam[each, partner][:, None]), least)
         m[each, partner] = 0.0
         m[np.arange(lam.shape[1]) < n_rigid[:, None]] = 0.0

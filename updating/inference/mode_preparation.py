@@ -6,13 +6,11 @@ import numpy as np
 
 from fem.analysis.modes import first_modes
 from fem.connection_damping import ConnectionDamping
-from fem.effects.joint import PointPair
 from fem.elements.splitting import split
 from fem.model import Model
 from fem.reduction.reduced_model import reduce_model
 from fem.system import assemble
 from updating.inference.defaults import EXPLAINED_LEVEL
-from updating.inference.fit_data import sensor_vectors
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import DampingCurve
@@ -21,6 +19,7 @@ from updating.inference.preparation import (
     MESH_SHARE,
     MODE_MARGIN,
     MOST_SPLITS,
+    forces_at,
     nominal_ratio,
 )
 from updating.inference.unknowns import Uncertain
@@ -50,15 +49,7 @@ def build_mode_problem(
     model = model.without_effect(other.name) if other else model
     undamped = model.with_damping(model.damping.without_modal())
     highest = HIGHEST * float(targets.frequency[-1])
-    columns = [sensor_vectors(model, targets.sensors)] if targets.sensors else []
-    for element in model.of_kind(PointPair):
-        dofs, B = element.relative(model)
-        elastic = [d not in element.rigid_directions for d in ("x", "y", "z", "rx", "ry", "rz")]
-        block = np.zeros((model.n_dof, 6))
-        block[dofs] = B.T
-        columns.append(block[:, elastic])
-    forces = np.hstack([np.zeros((model.n_dof, 0)), *columns])
-    reduced = reduce_model(undamped, forces, highest, margin=MODE_MARGIN)
+    reduced = reduce_model(undamped, forces_at(model, targets.sensors), highest, margin=MODE_MARGIN)
     damped = np.flatnonzero(np.isfinite(targets.zeta) & ~targets.held_out)
     f = targets.frequency[damped] if len(damped) else targets.frequency
     n_knots = int(np.clip(len(damped) // 2, 1, 8))

@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from fem.effects.joint import Spread
 from fem.model import Model, ModelError, ParameterRef
 
-CONNECTIONS_REACH = 2.0
-"""Connections' damping is let off by at most so many standard deviations; more is an effect of its own."""
-
 
 @dataclass(frozen=True, slots=True)
 class Nuisance:
@@ -82,7 +79,8 @@ class DampingCurve:
     def limits(self) -> NDArray[np.float64]:
         """Bounds of their logarithms, (n_unknowns, 2)."""
         ratio = np.log([[1e-5, 0.3]])
-        other = CONNECTIONS_REACH * self.std * np.array([[-1.0, 1.0]])
+        # Connections' damping is let off by at most so many standard deviations; more is an effect of its own
+        other = 2.0 * self.std * np.array([[-1.0, 1.0]])
         return np.repeat(np.vstack([ratio, other]), [len(self.knots), 2 if self.connections else 0], axis=0)
 
     def hats(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:

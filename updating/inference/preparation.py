@@ -48,8 +48,6 @@ NEIGHBOURS = 0.03
 """Lines within this share of a frequency say how far the structure moves there."""
 N_FIT_LINES = 160
 """At most this many lines are fitted."""
-LEVEL_FLOOR = 0.01
-"""Residual level below which finer elements gain nothing [nepers]."""
 
 
 class FitOptions(TypedDict, total=False):
@@ -350,9 +348,8 @@ def build_fine(
     """
     problem = build(model)
     error = before = discretisation_error(problem)
-    n = problem.data.measurement.pieces or splits(
-        error[1], max(problem.data.noise_level, model_error, LEVEL_FLOOR)
-    )
+    # Residual level below which finer elements gain nothing [nepers]
+    n = problem.data.measurement.pieces or splits(error[1], max(problem.data.noise_level, model_error, 0.01))
     if n > 1:
         model = split(model, n)
         problem = build(model)

@@ -30,12 +30,6 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 N_SIZES = 5
 """Number of sizes of eigenvalues' shifts that are compared."""
-CHANNEL_LINES = 40
-"""Lines that say which errors of channels data can know."""
-LEAST_KNOWN = 0.3
-"""An error of a channel that changes the data by less than this does not vary [standard deviations of them].
-
-It costs an unknown and would change the evidence by ½ ln(1 + 0.3²) = 0.04 at most."""
 
 
 def form_scatter(
@@ -137,7 +131,9 @@ def with_channels(
     for k, (change, counts) in enumerate(zip(changed, weight, strict=True)):
         S = std[:, None] * change.reshape(len(std), -1) * counts.ravel()
         U, s, _ = np.linalg.svd(np.hstack([S.real, S.imag]), full_matrices=False)
-        known = U[:, s > LEAST_KNOWN].T * std
+        # An error of a channel that changes the data by less than this does not vary [standard deviations of
+        # them]. It costs an unknown and would change the evidence by ½ ln(1 + 0.3²) = 0.04 at most.
+        known = U[:, s > 0.3].T * std
         of += [k] * len(known)
         units.append(known)
     return replace(scatter, channels=ChannelScatter(np.array(of, dtype=np.int64), np.concatenate(units), std))
@@ -148,7 +144,8 @@ def _misread(problem: FrfInputs, result: FitResult) -> tuple[list[Complexes], li
 
     (5, n_lines, n_in) and (n_lines, n_in) of sensors, then with n_out of excitations.
     """
-    lines = problem.lines_up_to(np.inf, CHANNEL_LINES)
+    # Lines that say which errors of channels data can know
+    lines = problem.lines_up_to(np.inf, 40)
     data, refs, f = problem.data, list(result.values), problem.data.frequency[lines]
     engine = problem.engine(f, refs, result.effects, channels=result.channels)
     values, zeta = np.array([result.values[r] for r in refs]), problem.damping.ratio(f, result.zeta)

@@ -13,8 +13,6 @@ from updating.inference.parameters import Nuisance, refuse_constraining
 WIDTH = 0.2
 """Assumed error of a parameter without a prior, where a scale is needed: relative, or of its scale [-]."""
 
-_LARGEST_STD = 300.0
-"""Deviation of a logarithm beyond which half the width of an interval is no floating-point number [-]."""
 
 NUISANCE_REACH = 4.0
 """Bounds of nuisance parameters, in standard deviations of their priors [-]."""
@@ -54,6 +52,14 @@ class Unknown:
     lower: float | None = None
     upper: float | None = None
     name: str = ""
+
+    def in_place_of(self, p: Parameter) -> tuple[bool, float, float, float, float]:
+        """Return whether a parameter varies by its logarithm, its mean, start, and lower and upper bound."""
+        log = p.log if not self.prior else self.prior == "log-normal"
+        mean = p.value if self.mean is None else self.mean
+        start = mean if self.start is None else self.start
+        lower = p.lower if self.lower is None else self.lower
+        return log, mean, start, lower, p.upper if self.upper is None else self.upper
 
 
 Uncertain = Nuisance | Unknown
@@ -113,11 +119,7 @@ class ScaledUnknown:
     def of(cls, unknown: Unknown, parameters: Sequence[Parameter]) -> "ScaledUnknown":
         """Return an unknown of parameters; nothing is checked (see :func:`checked_unknowns`)."""
         p = parameters[0]
-        log = p.log if not unknown.prior else unknown.prior == "log-normal"
-        mean = p.value if unknown.mean is None else unknown.mean
-        start = mean if unknown.start is None else unknown.start
-        lower = p.lower if unknown.lower is None else unknown.lower
-        upper = p.upper if unknown.upper is None else unknown.upper
+        log, mean, start, lower, upper = unknown.in_place_of(p)
         # A parameter that is 0 has no size of its own: its bounds give one.
         reach = [abs(b) for b in (lower, upper) if np.isfinite(b) and b != 0]
         scale = 1.0 if log else abs(p.value) or (0.1 * max(reach) if reach else unknown.std or 1.0)
@@ -182,7 +184,8 @@ class ScaledUnknown:
         For small deviations that is |dθ/dx| std; of a stiffness that may be anything the first order would
         say that it is known to a few times its value.
         """
-        return float(np.exp(x) * np.sinh(min(std, _LARGEST_STD))) if self.log else abs(self.scale) * std
+        # Deviation of a logarithm beyond which half the width of an interval is no floating-point number [-]
+        return float(np.exp(x) * np.sinh(min(std, 300.0))) if self.log else abs(self.scale) * std
 
     def deviations(self, x: float, std: float) -> dict[ParameterRef, float]:
         """Return the deviations of all parameters that it moves, as :meth:`deviation`."""
@@ -272,11 +275,7 @@ def _check(unknown: Unknown, known: Sequence[Parameter]) -> None:
     if unknown.std is not None and not unknown.std > 0:
         msg = f"the prior of '{label}' has the standard deviation {unknown.std}; it must be positive"
         raise ModelError(msg)
-    log = p.log if not unknown.prior else unknown.prior == "log-normal"
-    mean = p.value if unknown.mean is None else unknown.mean
-    start = mean if unknown.start is None else unknown.start
-    lower = p.lower if unknown.lower is None else unknown.lower
-    upper = p.upper if unknown.upper is None else unknown.upper
+    log, mean, start, lower, upper = unknown.in_place_of(p)
     if not np.isfinite([p.value, mean, start]).all() or (
         log and not (p.value > 0 and mean > 0 and start > 0)
     ):

@@ -26,11 +26,6 @@ from updating.least_squares.costs import Costs
 
 Floats = NDArray[np.float64]
 
-NAMED_CORRELATION = 0.95
-"""Pairs of parameters whose estimates are more correlated than this are named [-]."""
-
-DETERMINED_STD = 0.5
-"""Parameters known no better than this, relative to their value, are named [-]."""
 
 PRIOR_SHARE = 0.9
 """Of parameters whose standard deviation stays above this part of the prior's the data say nothing [-]."""
@@ -38,8 +33,6 @@ PRIOR_SHARE = 0.9
 NAMED_DEVIATIONS = 4.0
 """Parameters that end farther from their prior than this, in its standard deviations, are named [-]."""
 
-FAR_BESIDES = 2.5
-"""What varies besides and is further from nominal, in prior standard deviations, is named [-]."""
 
 KNOWN_DAMPING = 1e-3
 """Damping that is known better than this beforehand is no parameter of an update [-]."""
@@ -216,7 +209,8 @@ def _parameters(
             xi, deviation, at_bound = float(x[k]), float(std[k]), bool(bound[k])
         value = u.to_value(xi)
         relative = deviation if u.log else deviation * u.scale / max(abs(value), WIDTH * u.scale)
-        known = deviation < PRIOR_SHARE * u.std if u.has_prior else relative < DETERMINED_STD
+        # Parameters known no better than this, relative to their value, are named [-]
+        known = deviation < PRIOR_SHARE * u.std if u.has_prior else relative < 0.5
         out.append(
             UpdatedParameter(
                 name=u.name,
@@ -310,7 +304,8 @@ def _messages(
         f"{done[i].name} with {done[j].name} ({correlation[i, j]:+.3f})"
         for i in range(len(done))
         for j in range(i)
-        if abs(correlation[i, j]) > NAMED_CORRELATION and done[i].refs
+        # Pairs of parameters whose estimates are more correlated than this are named [-]
+        if abs(correlation[i, j]) > 0.95 and done[i].refs
     ]
     if pairs_of:
         out.append(f"correlated, so that only a combination is well known: {'; '.join(pairs_of[:8])}")
@@ -361,7 +356,8 @@ def _moved_besides(ended: Ended, rows: NDArray[np.int64]) -> list[str]:
     function, n = ended.function, len(ended.function.variables)
     prior = function.prior()
     z = ((ended.x - prior.mean) / prior.std)[:n]
-    far = [k for k in np.setdiff1d(np.arange(n), rows).tolist() if abs(z[k]) > FAR_BESIDES]
+    # What varies besides and is further from nominal, in prior standard deviations, is named [-]
+    far = [k for k in np.setdiff1d(np.arange(n), rows).tolist() if abs(z[k]) > 2.5]
     if not far:
         return []
     words = ", ".join(f"{' '.join(function.variables[k].ref)} by {z[k]:+.1f}" for k in far)

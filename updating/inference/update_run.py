@@ -37,12 +37,6 @@ _REACH = 3.0
 """Largest distance of further starts, in possible errors of each unknown [-]."""
 _WIDEST = 0.5
 """They are drawn with no more than this error [-]."""
-_TOWARDS = 0.25, 0.5, 1.0
-"""Parts of the way to the model without an effect at which fits start, too [-]."""
-_SMALL_GAIN = 1e-5
-"""Fits end when a step gains less: half the square of its length in standard deviations [nats]."""
-_LINEARISED = 3
-"""So often the problem of a regularisation is linearised."""
 
 
 def update_fitted(
@@ -66,7 +60,8 @@ def update_fitted(
         # A first fit tells the form of damping, and the noise.
         problem, first = with_form_of_damping(problem, null_fit(problem, **how), **how)
         problem, near = problem.with_seen_noise(first), [first]
-    how |= {"max_iterations": settings.max_iterations, "tolerance": _SMALL_GAIN}
+    # Fits end when a step gains less: half the square of its length in standard deviations [nats]
+    how |= {"max_iterations": settings.max_iterations, "tolerance": 1e-5}
     problem, left_out = _selected(problem, asked, settings)
     better, starts = _starts(problem, asked, settings, how)
     path: list[UpdateStep] = []
@@ -134,7 +129,8 @@ def _starts(
     width = _open_widths(problem, asked)
     removable &= width > 0
     way = np.where(removable, absent - first, 0.0)
-    elsewhere = [first + part * way for part in _TOWARDS if removable.any()]
+    # Parts of the way to the model without an effect at which fits start, too [-]
+    elsewhere = [first + part * way for part in (0.25, 0.5, 1.0) if removable.any()]
     low, high = (np.array([getattr(u, key) for u in asked]) for key in ("low", "high"))
     low, high = np.maximum(low, first - _REACH * width), np.minimum(high, first + _REACH * width)
     random = np.random.default_rng(settings.seed)
@@ -209,7 +205,8 @@ def _regularised(ended: Ended, asked: Sequence[ScaledUnknown], settings: UpdateS
     precision = np.zeros((len(x), len(x)))
     precision[np.ix_(rows, rows)] = curve.chosen**2 * (L.T @ L)
     low, high = function.limits().T
-    for _ in range(_LINEARISED):
+    # So often the problem of a regularisation is linearised
+    for _ in range(3):
         slope, normal = stated_quadratic(function, levels, x)
         step = np.linalg.solve(normal + precision, slope + precision @ (x - start))
         x = np.clip(x - step, low, high)

@@ -18,16 +18,3 @@ if TYPE_CHECKING:
     from updating.least_squares.mode_levels import ModeLevels
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "Control",
-    "Levels",
-    "Linearisation",
-    "ModeLevels",
-    "Stop",
-    "Tolerance",
-    "minimise",
-    "pseudo_huber",
-    "pseudo_huber_weight",
-    "step_within",
-]

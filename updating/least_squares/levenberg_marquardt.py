@@ -27,8 +27,6 @@ Floats = NDArray[np.float64]
 
 KEPT_PROMISE = 0.75, 1.33
 """Gain of a step over that of the quadratic model, between which its derivatives may serve the next step."""
-LARGEST_DAMPING = 1e8
-"""Damping beyond which steps are too short to change anything [-]."""
 
 
 class Point(Protocol):
@@ -243,7 +241,8 @@ def minimise(
             if trial is not None and np.isfinite(trial.cost) and trial.cost < point.cost:
                 break
             trial = None
-            damping = min(max(control.raised_by * damping, control.least_raised), LARGEST_DAMPING)
+            # Damping beyond which steps are too short to change anything [-]
+            damping = min(max(control.raised_by * damping, control.least_raised), 1e8)
         if trial is None and kept:
             # Derivatives of another point do not tell where the end is.
             linear, kept, damping = objective.linearised(point), False, first_damping

@@ -13,15 +13,3 @@ if TYPE_CHECKING:
     from updating.live.weighing import weigh
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "Hypothesis",
-    "LiveModel",
-    "fit_all",
-    "fit_effect",
-    "fit_uncertain",
-    "frequency_sensitivities",
-    "rank",
-    "sensitivities",
-    "weigh",
-]

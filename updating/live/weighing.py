@@ -66,8 +66,6 @@ class Weighed:
         return self.without.result.unseen - self.present.result.unseen
 
 
-STRAINED = 2.0
-"""Standard deviations of its prior from which an uncertain parameter speaks against a hypothesis [-]."""
 N_CHANNELS = 2
 """Largest number of sensors in a band that are named on each side."""
 
@@ -93,7 +91,8 @@ def weigh(live: LiveModel, h: Hypothesis, name: str, progress: Progress | None =
     worse = tuple(c for c in channels[: -N_CHANNELS - 1 : -1] if c.present > c.without)
     bounds = tuple(p.name for p in parameters_of(effect, present.result) if p.at_bound)
     strains = live.problem.strains(present.result)
-    strained = tuple((ref, s) for ref, s in strains.items() if abs(s) > STRAINED)
+    # Standard deviations of its prior from which an uncertain parameter speaks against a hypothesis [-]
+    strained = tuple((ref, s) for ref, s in strains.items() if abs(s) > 2.0)
     return Weighed(name, without, present, progress is not None, better, worse, bounds, strained)
 
 

@@ -19,18 +19,3 @@ if TYPE_CHECKING:
     from updating.measurement.strain_gauge import SHORT
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "MOTION",
-    "SHORT",
-    "USUAL",
-    "Combination",
-    "at_values_of",
-    "band_of",
-    "band_text",
-    "held_out_lines",
-    "instruments_on",
-    "motions_of",
-    "shapes_like_motions",
-    "with_resting_base",
-]

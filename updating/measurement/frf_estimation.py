@@ -24,8 +24,6 @@ DOUBLE_HIT = 0.1
 """A force that rises again to this part of its peak, after it fell below half of that, is a second hit
 [-]."""
 
-CLIPPED = 4
-"""Number of equal samples in a row, at a channel's largest value, that mean an overload."""
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -437,7 +435,8 @@ def _overloads(x: Floats, y: Floats, full_scale: float | None) -> list[str]:
             if full_scale is None:
                 top = (size == size.max()) & (size > 0)
                 edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]])))
-                over = bool((np.diff(edges)[::2] >= CLIPPED).any())
+                # Number of equal samples in a row, at a channel's largest value, that mean an overload
+                over = bool((np.diff(edges)[::2] >= 4).any())
             else:
                 over = bool((size >= 0.999 * full_scale).any())
             if over:

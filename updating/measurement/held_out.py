@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from updating.measurement.measurement import Measurement, MeasurementError
 
 Band = tuple[float, float]
-N_BLOCKS = 20
-"""Blocks of lines, of which every fourth is held out where nobody has chosen bands [-]."""
 EXAMPLE = "band 120-180 Hz"
 _NUMBER = r"(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)"
 _BAND = re.compile(rf"band {_NUMBER} ?(?:-|–|to) ?{_NUMBER}(?: ?Hz)?")
@@ -50,7 +48,8 @@ def held_out_lines(
         If a band has no line, or if they have all lines.
     """
     if not bands:
-        block = np.arange(len(frequency)) * N_BLOCKS // len(frequency)
+        # Blocks of lines, of which every fourth is held out where nobody has chosen bands [-]
+        block = np.arange(len(frequency)) * 20 // len(frequency)
         return block % 4 == 2
     out = np.zeros(len(frequency), dtype=bool)
     ends = f"the lines of {name} go from {frequency[0]:.6g} to {frequency[-1]:.6g} Hz"

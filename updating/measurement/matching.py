@@ -20,16 +20,9 @@ PLAUSIBLE = (0.2, 2.0)
 """Size of the test's points over the mesh's that is taken for metres without question."""
 FITTING = (0.2, 1.05)
 """The same for another unit to be taken instead."""
-EQUIVALENT_DISTANCE_RATIO = 2.0
-"""Alternatives whose root mean square distance is below this times the best one's are as good as it."""
 _COLLINEAR = 1e-3
-_MOST_PLACES = 20_000
-"""Placements of three points that are tried for each base."""
-_BASES = 4
 _MOST_DISTANCES = 500_000
 """Distances of points from lines that are in memory at once."""
-_MERGED_AT = (3, 8, 20, 50)
-"""Steps of the improvement at which placements that have become alike are merged."""
 _MOST_POINTS = 120
 """Points along the members from which placements are searched."""
 
@@ -389,7 +382,8 @@ def _polished(scaled: Floats, ends: Floats, R: Floats, t: Floats, tolerance: flo
     placed = scaled @ R.transpose(0, 2, 1) + t[:, None]
     moving, alive = np.arange(len(R)), np.ones(len(R), dtype=bool)
     for step in range(100):  # all at once: there may be thousands
-        if step in _MERGED_AT:  # placements that have come within the tolerance of one another go on as one
+        # placements that have come within the tolerance of one another go on as one
+        if step in (3, 8, 20, 50):
             cells = np.round(placed[moving] / tolerance).reshape(len(moving), -1).astype(np.int64)
             alive[moving] = False
             moving = moving[np.unique(cells, axis=0, return_index=True)[1]]
@@ -455,7 +449,8 @@ def _chosen(
         )
         raise GeometryMatchError(msg)
     best = found[0]
-    limit = EQUIVALENT_DISTANCE_RATIO * max(best.rms, tolerance / 10)
+    # Alternatives whose root mean square distance is below this times the best one's are as good as it
+    limit = 2.0 * max(best.rms, tolerance / 10)
     alike = [m for m in found if len(m.pairs) == len(best.pairs) and m.rms <= limit]
     same = tuple(sorted(alike, key=_uprightness))
     if alternative is not None:
@@ -631,7 +626,7 @@ def _bases(points: Floats) -> list[Ints]:
     n = len(points)
     remaining = list(range(n))
     bases = []
-    while len(remaining) >= 3 and len(bases) < _BASES:
+    while len(remaining) >= 3 and len(bases) < 4:
         part = points[remaining]
         far = part - part.mean(axis=0)
         a = int(np.argmax(np.linalg.norm(far, axis=1)))
@@ -663,7 +658,8 @@ def _triangles(corners: Floats, mesh: Floats, tolerance: float) -> Ints:
         for c in third if a != b else ():
             places.append((a, b, c))
             errors.append(abs(d[a, b] - ab) + abs(d[b, c] - bc) + abs(d[c, a] - ca))
-    if len(places) > _MOST_PLACES:
+    # Placements of three points that are tried for each base
+    if len(places) > 20_000:
         msg = (
             f"{len(places)} triangles of mesh points are similar within {tolerance / 2:g} m; give fewer "
             "mesh points, a "

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 MEDIAN_OF_SQUARE = 2 * np.log(2)
 """Median of |z|², where real and imaginary part of z are standard normal variables."""
 
-MEDIAN_OF_REAL_SQUARE = 0.45494
-"""Median of the square of a standard normal variable."""
 
 WHITE = 1.6
 """Fourth and sixth differences of white noise have the same mean square within this factor."""
@@ -68,7 +66,8 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
 
 def amplitude_noise(H: NDArray[np.complex128]) -> NDArray[np.float64]:
     """Estimate the relative noise of amplitudes without phase as :func:`relative_noise`, from one part."""
-    return relative_noise(H) * float(np.sqrt(MEDIAN_OF_SQUARE / MEDIAN_OF_REAL_SQUARE))
+    # Median of the square of a standard normal variable
+    return relative_noise(H) * float(np.sqrt(MEDIAN_OF_SQUARE / 0.45494))
 
 
 def _added(H: NDArray[np.complex128], proportional: NDArray[np.float64]) -> NDArray[np.float64]:

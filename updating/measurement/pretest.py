@@ -19,8 +19,6 @@ Ints = NDArray[np.int64]
 Candidates = Sequence[tuple[int, str]]
 
 _AXES = ("x", "y", "z")
-_REFRESH = 50
-"""Candidates taken out between two fresh factorisations, against rounding."""
 _FULL_RANK = 1e-10
 """Singular values below this part of the largest mean that candidates cannot tell the modes apart."""
 
@@ -86,7 +84,8 @@ def place_by_effective_independence(phi: ArrayLike, n_sensors: int, keep: ArrayL
     Q = _orthonormal(phi)
     inverse, E = np.eye(Q.shape[1]), (Q**2).sum(axis=1)
     for step in range(len(phi) - n_sensors):
-        if step and step % _REFRESH == 0:
+        # Candidates taken out between two fresh factorisations, against rounding
+        if step and step % 50 == 0:
             Q = _orthonormal(phi[remaining])
             inverse, E = np.eye(Q.shape[1]), (Q**2).sum(axis=1)
         worst = int(np.argmin(np.where(np.isin(remaining, kept), np.inf, E)))

@@ -12,16 +12,3 @@ if TYPE_CHECKING:
     from updating.modal.refinement import fit_modes
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "LEAST_ORDERS",
-    "N_NODES",
-    "ModalFitData",
-    "UnexplainedPeak",
-    "channel_sizes",
-    "condense_lines",
-    "fit_modes",
-    "fit_orders",
-    "peak_words",
-    "track_poles",
-]

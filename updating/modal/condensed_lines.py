@@ -24,13 +24,6 @@ Complexes = NDArray[np.complex128]
 N_NODES = 20
 """Nodes of a segment; a segment of no more lines keeps them as they are."""
 
-LEAST_ELLIPSE = 3.0
-"""Least parameter ρ of the ellipse through a pole about a segment's ends: the error of interpolation falls as
-ρ^-N_NODES, which is 3e-10 [-]."""
-
-ELLIPSE_AT_FIRST = 4.0
-"""The same when segments are laid out, so that poles have room to move [-]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CondensedLines:
@@ -74,7 +67,9 @@ class CondensedLines:
 
     def holds(self, poles: Complexes) -> bool:
         """Return whether terms with poles at these frequencies, of rad/s, are still interpolated exactly."""
-        return bool((_ellipse(self.segments, poles) >= LEAST_ELLIPSE).all())
+        # Least parameter ρ of the ellipse through a pole about a segment's ends: the error of interpolation
+        # falls as ρ^-N_NODES, which is 3e-10 [-]
+        return bool((_ellipse(self.segments, poles) >= 3.0).all())
 
 
 def condense_lines(omega: Floats, H: Complexes, spread: Floats, poles: Complexes) -> CondensedLines:
@@ -138,7 +133,8 @@ def _layout(omega: Floats, poles: Complexes) -> tuple[NDArray[np.int64], NDArray
         single += [np.arange(first, end) for first, end in parts[few]]
         parts = parts[~few]
         ends = np.stack([omega[parts[:, 0]], omega[parts[:, 1] - 1]], axis=1)
-        far = (_ellipse(ends, poles) >= ELLIPSE_AT_FIRST).all(axis=1)
+        # Least parameter ρ of the ellipses when segments are laid out, so that poles have room to move [-]
+        far = (_ellipse(ends, poles) >= 4.0).all(axis=1)
         segments.append(parts[far])
         parts = parts[~far]
         middle = parts.sum(axis=1) // 2

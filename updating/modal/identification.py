@@ -39,9 +39,6 @@ from updating.modal.poles import (
 from updating.modal.refinement import scatter_near, synthesise
 from updating.modal.selection import SelectionState, Task, candidates, search_modes, unreported
 
-_MISSED = 3.0
-"""Standard deviations that the fit exceeds by this factor, root mean square, are not the data's own [-]."""
-
 Floats = NDArray[np.float64]
 
 Complexes = NDArray[np.complex128]
@@ -164,7 +161,8 @@ def identify_modes(
     found, n_more = search_modes(task, tracks, orders)
     noise = "estimated from the residual of the fit" if std is None else "as given"
     missed = float(np.sqrt((np.abs(found.fitted.misfit) ** 2).mean() / 2))
-    if std is not None and missed > _MISSED:
+    # Standard deviations that the fit exceeds by this factor, root mean square, are not the data's own [-]
+    if std is not None and missed > 3.0:
         noise = (
             f"estimated from the residual of the fit, which is {missed:.2g} times the given standard "
             "deviations: they do not cover errors that repeat in every average, such as leakage"

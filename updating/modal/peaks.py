@@ -14,8 +14,6 @@ HALF_POWER_DB = 3.0
 UNEXPLAINED_SHARE = 0.5
 """Part of a peak's power beyond which the synthesised FRFs do not explain it [-]."""
 
-BEYOND_NOISE = 8.0
-"""The residual of a peak must exceed noise by this many standard deviations of it [-]."""
 
 MOST_NAMED = 12
 """Largest number of peaks that are listed one by one, the highest first."""
@@ -117,7 +115,8 @@ def unexplained_peaks(
         first, last = _half_power(level, int(peak))
         lines = slice(first, last + 1)
         n = per_line * (last + 1 - first)
-        if noise[lines].sum() < n + BEYOND_NOISE * np.sqrt(n) + np.log(len(H)):
+        # The residual of a peak must exceed noise by this many standard deviations of it [-]
+        if noise[lines].sum() < n + 8.0 * np.sqrt(n) + np.log(len(H)):
             continue
         share = float(residual[lines].sum() / (10 ** (level[lines] / 10)).sum())
         seen = ((of_model >= first) & (of_model <= last)).any()

@@ -98,8 +98,8 @@ class Track:
         Of the member that lies nearest to the median, of length 1.
     frequency, zeta : float
         Of ``pole`` [Hz, -].
-    frequency_scatter, zeta_scatter : float
-        Standard deviation of the members [Hz, -].
+    frequency_scatter : float
+        Standard deviation of the members [Hz].
     """
 
     members: NDArray[np.int64]
@@ -108,7 +108,6 @@ class Track:
     frequency: float
     zeta: float
     frequency_scatter: float
-    zeta_scatter: float
 
 
 def fit_orders(frf: FRF, orders: NDArray[np.int64], scale: Floats, weight: Floats) -> Stabilisation:
@@ -219,15 +218,13 @@ def _track(s: Stabilisation, members: NDArray[np.int64]) -> Track:
     poles = s.poles[members]
     pole = _median(poles)
     nearest = int(members[np.argmin(np.abs(poles - pole))])
-    frequency, zeta = s.frequency[members], s.zeta[members]
     return Track(
         np.sort(members),
         pole,
         s.participation[nearest],
         abs(pole) / (2 * np.pi),
         -pole.real / abs(pole),
-        float(frequency.std(ddof=1)),
-        float(zeta.std(ddof=1)),
+        float(s.frequency[members].std(ddof=1)),
     )
 
 

@@ -23,33 +23,16 @@ from updating.modal.modal_fit import ModalFit, ModalFitData, ModalScatter
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-_CONVERGED = 1e-3
-"""A step that lowers the sum of squares by less than this, relative to its mean for one value, is the last:
-on the scale on which a parameter that is wrong by its standard deviation raises it by 1."""
-
-_FIRST_DAMPING = 1e-6
-"""Damping of the first step: poles come from a linear fit and are near [-]."""
-
-_LONGEST_STEP = 0.5
-"""Longest step of a pole in one iteration, in parts of its decay [-]."""
 
 _BLOCK = 4096
 """Lines that are synthesised at a time."""
 
-_LEAST_INFORMATION = 1e-100
-"""Information that an unknown has at least, so that no variance overflows [-]."""
 
 _ROUNDING = 1e-10
 """Part of an unknown's information that other unknowns must leave to be more than a rounding error [-]."""
 
 _TALL = 1e7
 """Products in BᵀB beyond which B is made orthogonal by them."""
-
-_WELL_CONDITIONED = 1e-5
-"""Least diagonal of R, of columns of length 1, for which that is as good as reflections [-]."""
-
-SCATTER_HALF_WIDTHS = 3.0
-"""Lines within this many half-power half-widths of a pole tell the scatter of the FRFs near it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,11 +77,14 @@ def fit_modes(
     control = Control(
         reach=lambda x: free,
         promised_gain=rounding,
-        actual_gain=replace(rounding, relative=_CONVERGED / lines.n_values),
+        # A step that lowers the sum of squares by less than this, relative to its mean for one value, is the
+        # last: on the scale on which a parameter that is wrong by its standard deviation raises it by 1
+        actual_gain=replace(rounding, relative=1e-3 / lines.n_values),
         max_iterations=most_steps,
         max_evaluations=most_steps,
         max_trials=14,
-        damping=_FIRST_DAMPING,
+        # Damping of the first step: poles come from a linear fit and are near [-]
+        damping=1e-6,
         raised_by=10.0,
         lowered_by=10.0,
     )
@@ -161,7 +147,8 @@ class _Refinement:
         # Poles that are no modes run away from the first steps on. Each is stopped by itself: a step that
         # was solved again with them held would bend the paths of the modes.
         n, present = 2 * self.first.size, near.poles.real / self.first.real
-        reach = _LONGEST_STEP * np.stack([np.ones(self.first.size), present], axis=1).ravel()
+        # Longest step of a pole in one iteration, in parts of its decay [-]
+        reach = 0.5 * np.stack([np.ones(self.first.size), present], axis=1).ravel()
         x = np.concatenate([near.x[:n] + np.clip(x[:n] - near.x[:n], -reach, reach), x[n:]])
         of_poles = x[:n].reshape(-1, 2)
         frequency = self.first.imag - self.first.real * of_poles[:, 1]
@@ -246,7 +233,8 @@ def _orthogonal(B: Floats) -> tuple[Floats, Floats]:
     if B.size * B.shape[1] > _TALL:
         try:
             Q, first = _half_orthogonal(B)
-            if np.abs(first.diagonal()).min() > _WELL_CONDITIONED:
+            # Least diagonal of R, of columns of length 1, for which that is as good as reflections [-]
+            if np.abs(first.diagonal()).min() > 1e-5:
                 Q, second = _half_orthogonal(Q)
                 return Q, second @ first
         except np.linalg.LinAlgError:
@@ -416,7 +404,8 @@ def _covariance(
     unknown = np.flatnonzero(J2.diagonal() <= _ROUNDING * slopes.alone())
     for square in (J2, V):
         square[unknown] = square[:, unknown] = 0.0
-        square[unknown, unknown] = _LEAST_INFORMATION
+        # Information that an unknown has at least, so that no variance overflows [-]
+        square[unknown, unknown] = 1e-100
     size = np.sqrt(J2.diagonal())
     values, vectors = np.linalg.eigh(J2 / np.outer(size, size))
     # unknowns that the data do not determine at all get a large variance, not none
@@ -517,7 +506,8 @@ def scatter_near(fit: ModalFit, data: ModalFitData) -> Floats:
 def _near(data: ModalFitData, pole: complex) -> NDArray[np.int64]:
     """Return the lines near a pole."""
     apart = np.abs(data.frf.omega - pole.imag) / (data.added_decay - pole.real)
-    return np.sort(np.argsort(apart, kind="stable")[: max(9, int((apart <= SCATTER_HALF_WIDTHS).sum()))])
+    # Lines within this many half-power half-widths of a pole tell the scatter of the FRFs near it
+    return np.sort(np.argsort(apart, kind="stable")[: max(9, int((apart <= 3.0).sum()))])
 
 
 def _scatter(misfit: Complexes, usual: float) -> float:

@@ -42,8 +42,6 @@ _FEW_STEPS, _MANY_STEPS = 8, 60
 """Steps of a fit while there may be poles that are no modes, which converge slowly or not at all, and of the
 last."""
 
-_OFFERS = 3
-"""Rejected poles and those of the residual are tried again at most this often."""
 
 _PARTS, _PART, _PART_ORDER = 8, 128, 24
 """The residual of a fit is searched in this many parts of the band, of so many lines at least, up to this
@@ -111,7 +109,8 @@ def search_modes(
     first = starts_of(tracks, task.data)
     found = _settle(task, SelectionState(task.data, first, None, (), ()))
     of_residual = _overlooked(found, orders)
-    for _ in range(_OFFERS):
+    # Rejected poles and those of the residual are tried again at most this often
+    for _ in range(3):
         more = _worth_trying(found, (*first, *of_residual))
         if not more:
             break

@@ -14,19 +14,3 @@ if TYPE_CHECKING:
     from updating.plan.visibility import POWER, SURE, needed, size_of
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "MULTIPLES",
-    "POWER",
-    "SURE",
-    "ChosenChannels",
-    "FailedTrial",
-    "drawn",
-    "needed",
-    "planned_measurement",
-    "size_of",
-    "trials",
-    "with_averages",
-    "with_masses",
-    "without_supports",
-]

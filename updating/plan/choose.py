@@ -34,8 +34,6 @@ N_LINES = 24
 """Lines at which sensors are compared."""
 N_POSITIONS, N_OF_RIVALS = 6, 3
 """At most so many positions of an effect of a relevant size, and of of its rivals."""
-MOST_EXCITATIONS = 8
-"""Of more places for forces those that are driven best count."""
 MOST_PASSES = 3
 """Passes in which sensors are exchanged one by one, at most."""
 
@@ -332,7 +330,8 @@ def _best_forces(channels: _Channels, least: Floats, n: int) -> tuple[int, ...]:
     if n == len(worth.information):
         return tuple(range(n))
     single = [worth.value(each) for each in worth.information]
-    best = np.sort(np.argsort(single)[::-1][: max(n, MOST_EXCITATIONS)])
+    # Of more places for forces those that are driven best count
+    best = np.sort(np.argsort(single)[::-1][: max(n, 8)])
     return max(
         combinations(best.tolist(), n),
         key=lambda some: worth.value(worth.of(some)),

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF
 from fem.model import Effect, parameter_values
 from updating.inference.belief import DATA_PER_MODE
 from updating.inference.fit import FitProblem
@@ -53,10 +52,8 @@ def drawn(
     parts = rng.standard_normal((2, *H.shape))
     H = H * (1 + data.noise * (parts[0] + 1j * parts[1]))
     m = data.measurement
-    frf = FRF.from_arrays(
-        data.frequency, H, "receptance", m.frf.outputs, m.frf.inputs, m.frf.base, m.frf.strain
-    )
-    return replace(m, frf=frf.as_kind(m.frf.kind), coherence=None, scatter=data.noise, compared=None)
+    frf = m.frf.with_receptances(H, data.frequency)
+    return replace(m, frf=frf, coherence=None, scatter=data.noise, compared=None)
 
 
 def _discrepancy(problem: FitProblem, discrepancy: float, rng: np.random.Generator) -> NDArray[np.complex128]:

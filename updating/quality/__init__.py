@@ -21,24 +21,3 @@ if TYPE_CHECKING:
     from updating.quality.signs import log_odds, reversed_channels
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "LEAST_RINGING",
-    "Field",
-    "best_azimuth",
-    "combined",
-    "corrected",
-    "cross_predict",
-    "driven_points",
-    "log_odds",
-    "mirrored",
-    "mirrored_fault",
-    "misphased",
-    "phase_evidence",
-    "reciprocity_check",
-    "reversed_channels",
-    "set_right",
-    "uncorrected",
-    "valued",
-    "with_last_faults",
-]

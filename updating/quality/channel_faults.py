@@ -16,9 +16,6 @@ CORRECTED_KINDS = ("sensor_gain", "sensor_tilt", "excitation_gain")
 _SPAN = {"gain": 6.0, "tilt": float(np.radians(160.0)), "position": 0.0}
 """Ranges of values that a search for faults looks at, for Occam factors: of ln gain [-], of tilts [rad]."""
 
-_LEAST_LEARNT = 0.01
-"""Data know an error of a channel if they take more than this share of its prior's variance [-]."""
-
 
 def channel_faults(problem: FitProblem, result: FitResult) -> tuple[Fault, ...]:
     """Return the errors of channels that the tolerances of the test do not explain, the farthest first.
@@ -57,7 +54,8 @@ def _by_data_alone(
     """Return errors and deviations (5,) without their normal priors about zero; 0 where data know nothing."""
     prior = np.where(tolerances > 0, tolerances, 1.0) ** 2
     variance = np.maximum(stds, 1e-9 * np.sqrt(prior)) ** 2
-    learnt = (tolerances > 0) & (variance < (1 - _LEAST_LEARNT) * prior)
+    # Data know an error of a channel if they take more than this share of its prior's variance [-]
+    learnt = (tolerances > 0) & (variance < (1 - 0.01) * prior)
     alone = np.where(learnt, 1 / np.where(learnt, 1 / variance - 1 / prior, 1.0), 0.0)
     return alone * errors / variance, np.sqrt(alone)
 

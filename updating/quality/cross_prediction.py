@@ -25,26 +25,15 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.measurement.measurement import MOTION
 
-N_PREDICTION_LINES = 200
-"""At most this many lines are predicted."""
-
 _WIDTH = 0.15
 """β: modes within this fraction of ω² vary alike [-]."""
 
-_SHARP = 0.02
-"""β for the response to a force at a known place: damping [-]."""
 
 _SHARES = (0.03, 0.1, 0.3, 1.0)
 """Tried for how much of the field the model does not know [-]."""
 
 _ERRORS = (0.01, 0.03, 0.1)
 """Tried for how exact a reading is besides its noise [-]."""
-
-_ROUGH = (0.0, 0.3)
-"""Tried for the part of the forces that is white in strain, as a missing local stiffness causes [-]."""
-
-_LOOSE = (0.0, 0.3)
-"""Tried for the part of motions that violate a constraint, as a support that gives way causes [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +79,8 @@ class Field:
     def of(cls, problem: FitProblem, result: FitResult) -> "Field":
         """Return the field of a fitted model for the problem's excitations."""
         data, model, basis = problem.data, problem.reduced.model, problem.reduced.basis
-        every = np.linspace(0, len(data.frequency) - 1, N_PREDICTION_LINES)
+        # At most this many lines are predicted
+        every = np.linspace(0, len(data.frequency) - 1, 200)
         lines = np.unique(every.round().astype(np.int64))
         f = data.frequency[lines]
         omega = 2 * np.pi * f
@@ -243,8 +233,10 @@ def cross_predict(
     """
     if prior is None:
         few = slice(None, None, max(1, len(field.lines) // 50))
-        loose = _LOOSE if field.loose.any() else (0.0,)
-        trials = list(itertools.product(_ROUGH, loose))
+        # Tried for the part of motions that violate a constraint, as a support that gives way causes [-]
+        loose = (0.0, 0.3) if field.loose.any() else (0.0,)
+        # Tried for the part of the forces that is white in strain, as a missing local stiffness causes [-]
+        trials = list(itertools.product((0.0, 0.3), loose))
         chosen = max(
             itertools.product(_SHARES, _ERRORS), key=lambda t: _score(problem, field, (*t, 0.0, 0.0), few)
         )
@@ -324,7 +316,8 @@ def _predicted(
     delta = np.where(seen, y - rows @ field.mean[some], 0.0).transpose(0, 2, 1)
     if forces is not None:
         lam, square = field.eigenvalues, (2 * np.pi * field.frequency[some, None]) ** 2
-        response = (lam - square) / ((lam - square) ** 2 + (_SHARP * square) ** 2) * ~field.loose
+        # β for the response to a force at a known place: damping [-]
+        response = (lam - square) / ((lam - square) ** 2 + (0.02 * square) ** 2) * ~field.loose
         h = (rows * response[:, None, :]) @ (forces.T @ field.shapes).T
         h = h / np.sqrt(np.maximum((h**2).mean(axis=1), 1e-300))[:, None, :]
         covariance = (

@@ -12,29 +12,16 @@ from updating.inference.heartbeat import beat
 from updating.least_squares.loss import pseudo_huber
 from updating.quality.corrections import Fault
 
-DELAY_LEAST = 0.12
-"""Smallest delay that is called a fault, as the phase at the highest frequency [rad]."""
-
 LEAST_MISFIT_RATIO = 2.2
 """A fault must lower a sensor's misfit to the others' prediction by more than this factor."""
 
 LEAST_VALUE_PER_STD = 10.0
 """The value of a fault must be this multiple of its standard deviation."""
 
-LEAST_SHARE_OF_BLOCKS = 0.8
-"""A fault must lower the misfit in this share of the blocks of lines [-]."""
-
-LEAST_MISFIT = 1.5
-"""Sensors with a smaller misfit to the others' prediction are not examined; noise gives about 0.8 [-]."""
-
-_TURN = 2.0
-"""Misfit at which the loss turns from quadratic to linear, in standard deviations [-]."""
 
 _N_BLOCKS = 10
 """Number of blocks of lines in which a fault must lower the misfit, each for itself."""
 
-_ZOOMS = 2
-"""Number of times that the grid of a fault's values is refined around the best."""
 
 Losses = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From values (n,) of a fault to the losses (n, n_lines)."""
@@ -76,7 +63,8 @@ class FaultHypothesis:
     @property
     def believed(self) -> bool:
         """Whether the fault is large, well determined, and explains most of the misfit all over the band."""
-        explained = self.before > LEAST_MISFIT_RATIO * self.after and self.better >= LEAST_SHARE_OF_BLOCKS
+        # A fault must lower the misfit in this share of the blocks of lines [-]
+        explained = self.before > LEAST_MISFIT_RATIO * self.after and self.better >= 0.8
         return self.large and self._determined and explained
 
     @property
@@ -144,7 +132,8 @@ def valued(grid: NDArray[np.float64], losses: Losses) -> tuple[float, float, NDA
     """
     lowest, highest = float(grid[0]), float(grid[-1])
     every, parts, block = 0.0, np.zeros(0), np.zeros(0, dtype=int)
-    for _ in range(_ZOOMS + 1):  # the losses at resonances and between them have a narrow valley
+    # Number of times that the grid of a fault's values is refined around the best
+    for _ in range(2 + 1):  # the losses at resonances and between them have a narrow valley
         table, step = losses(grid), grid[1] - grid[0]
         n = table.shape[1]
         block = np.arange(n) * _N_BLOCKS // n
@@ -202,7 +191,8 @@ def factor_hypotheses(
     if count < 20:
         return []
     before, top = series.losses(series.predicted), float(series.frequency[-1])
-    if before.sum() < LEAST_MISFIT * count:
+    # Sensors with a smaller misfit to the others' prediction are not examined; noise gives about 0.8 [-]
+    if before.sum() < 1.5 * count:
         return []
     turned = Fault(f"{of}_sign", name, -1.0, 0.0)
     out = [judge(turned, 1.0, 0.0, before, series.losses(-series.predicted), count)]
@@ -214,7 +204,8 @@ def factor_hypotheses(
     x, std, after = valued(delays, series.delay_losses)
     fault = Fault(f"{of}_delay", name, x, std, "s", span=float(np.ptp(delays)))
     change = float(np.median(2 * np.pi * series.frequency * abs(x)))
-    return [*out, judge(fault, 2 * np.pi * top * x, DELAY_LEAST, before, after, count, change)]
+    # Smallest delay that is called a fault, as the phase at the highest frequency [rad]
+    return [*out, judge(fault, 2 * np.pi * top * x, 0.12, before, after, count, change)]
 
 
 def _lowest(grid: NDArray[np.float64], table: NDArray[np.float64]) -> float:
@@ -229,7 +220,8 @@ def _lowest(grid: NDArray[np.float64], table: NDArray[np.float64]) -> float:
 
 
 def _loss(z: NDArray[np.complex128] | NDArray[np.float64]) -> NDArray[np.float64]:
-    return pseudo_huber(z, _TURN)
+    # Misfit at which the loss turns from quadratic to linear, in standard deviations [-]
+    return pseudo_huber(z, 2.0)
 
 
 def _log(ratio: NDArray[np.complex128]) -> NDArray[np.complex128]:

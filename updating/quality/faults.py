@@ -39,27 +39,9 @@ from updating.quality.misplaced import misplaced_force
 from updating.quality.sensor_faults import sensor_hypotheses, swap_hypotheses
 from updating.quality.signs import reversed_channels
 
-EXCITATION_GAIN_LEAST = 0.07
-"""Smallest deviation of an excitation's gain from 1 that is called a fault, as a logarithm [-]. It is larger
-than that of a sensor, as a factor that all excitations share may also be a wrong mass of the model."""
-
-LEAST_RATIO_WITH_FORCES = 1.5
-"""A fault must lower the misfit by this factor also where an unknown force may act near the sensor."""
-
-MISFIT_SHARE = 0.4
-"""A fault must change the readings by this share of the residual level at the other sensors [-]."""
-
-CLEAR_MISFIT_RATIO = 6.0
-"""A fault that lowers the misfit by more than this factor needs no comparison with unknown forces."""
-
-MODEL_SIGMA = 0.1
-"""Assumed relative error of the model's FRFs, where only these can be compared [-]."""
-
 LEAST_CHANNELS = 3
 """Fewer channels cannot check one another."""
 
-_MOST = 12
-"""Largest number of faults that are searched for."""
 
 Score = Callable[[FitProblem, Sequence[Fault]], float]
 """Log probability of a model and faults, by data that are corrected for them."""
@@ -90,7 +72,8 @@ def find_faults(problem: FitProblem, null: FitResult) -> tuple[FitProblem, FitRe
     start = problem.data
     if not start.phase:  # amplitudes do not say what other sensors imply: their motions do not add up
         return problem, null, ()
-    while len(faults) < _MOST:
+    # Largest number of faults that are searched for
+    while len(faults) < 12:
         more = _reversed(problem, null) or _most_convincing(problem, null)
         same = {f.name for f in faults}
         if not more or any(f.name in same for f in more):
@@ -271,9 +254,8 @@ def _best(problem: FitProblem, result: FitResult, X: CrossPrediction) -> FaultHy
     if not found:
         return None
     others = _levels_of_others(problem, result, {h.fault.sensor for h in found})
-    found = [
-        h for h in found if h.fault.kind in UNLIKE_EFFECTS or h.change > MISFIT_SHARE * others[h.fault.sensor]
-    ]
+    # A fault must change the readings by this share of the residual level at the other sensors [-]
+    found = [h for h in found if h.fault.kind in UNLIKE_EFFECTS or h.change > 0.4 * others[h.fault.sensor]]
     if not found:
         return None
     best = max(found, key=lambda h: h.gain)
@@ -315,11 +297,13 @@ def _needed(problem: FitProblem, X: CrossPrediction, best: FaultHypothesis) -> b
     """Whether a fault is needed even if constraints may give way or a force may act near the sensor."""
     i = [s.name for s in problem.data.measurement.sensors].index(best.fault.sensor)
     rivals = [less_certain(problem, X)] if X.field.loose.any() else []
-    if best.before < CLEAR_MISFIT_RATIO * best.after:
+    # A fault that lowers the misfit by more than this factor needs no comparison with unknown forces
+    if best.before < 6.0 * best.after:
         rivals += rival_predictions(problem, X, i)
     for rival in rivals:
         again = [h for h in sensor_hypotheses(problem, rival, i) if h.fault.kind == best.fault.kind]
-        if not any(h.large and h.before > LEAST_RATIO_WITH_FORCES * h.after for h in again):
+        # A fault must lower the misfit by this factor also where an unknown force may act near the sensor
+        if not any(h.large and h.before > 1.5 * h.after for h in again):
             return False
     return True
 
@@ -364,7 +348,8 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
         lines = field.lines
         y, p = problem.data.H[lines], problem.receptance(result, lines)
         # The model's FRFs are 1/F of those that the data would have.
-        series = Series.of(field.frequency, p, y, np.full(p.shape, MODEL_SIGMA), problem.data.mask[lines])
+        # Assumed relative error of the model's FRFs, where only these can be compared [-]
+        series = Series.of(field.frequency, p, y, np.full(p.shape, 0.1), problem.data.mask[lines])
         for h in _of_excitation(series)[1:]:
             found.append((h, (tuple(replace(h.fault, sensor=e.name) for e in excitations),)))
     believed = [(h, options) for h, options in found if h.believed]
@@ -375,7 +360,10 @@ def _excitation_faults(problem: FitProblem, result: FitResult, X: CrossPredictio
 
 def _of_excitation(series: Series) -> list[FaultHypothesis]:
     """Return the faults of an excitation, still without a name, that make a series' two sides agree."""
-    return factor_hypotheses(series, "excitation", "", np.linspace(-8, 8, 321), EXCITATION_GAIN_LEAST)
+    # Smallest deviation of an excitation's gain from 1 that is called a fault, as a logarithm [-]. It is
+    # larger than that of a sensor, as a factor that all excitations share may also be a wrong mass of the
+    # model.
+    return factor_hypotheses(series, "excitation", "", np.linspace(-8, 8, 321), 0.07)
 
 
 def _likeliest(

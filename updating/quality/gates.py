@@ -17,12 +17,6 @@ from updating.quality.corrections import Fault, corrected, uncorrected
 from updating.quality.cross_prediction import Field, cross_predict
 from updating.quality.phase import misphased, phase_evidence
 
-NOT_RECIPROCAL = 3.0
-"""H_jk and H_kj differ if they do by this multiple of their noise."""
-NOT_HOMOGENEOUS = 1.5
-"""Two force levels differ if their FRFs do by this multiple of the noise."""
-NOT_HOMOGENEOUS_SOMEWHERE = 2.0
-"""The same for the tenth of the values that differ most, averaged over neighbouring lines."""
 LEAST_DIFFERENCE_DB = 0.3
 """Smaller differences of FRFs that ought to be equal are not called one [dB]."""
 
@@ -50,7 +44,8 @@ class Reciprocity:
     @property
     def violated(self) -> bool:
         """Whether they differ by more than noise."""
-        return self.error_db > max(NOT_RECIPROCAL * self.noise_db, LEAST_DIFFERENCE_DB)
+        # H_jk and H_kj differ if they do by this multiple of their noise
+        return self.error_db > max(3.0 * self.noise_db, LEAST_DIFFERENCE_DB)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +72,12 @@ class Homogeneity:
     @property
     def violated(self) -> bool:
         """Whether they differ by more than noise."""
-        if self.ratio > NOT_HOMOGENEOUS:
+        # Two force levels differ if their FRFs do by this multiple of the noise
+        if self.ratio > 1.5:
             return True
-        return self.somewhere > NOT_HOMOGENEOUS_SOMEWHERE and self.largest_db > LEAST_DIFFERENCE_DB
+        # As many times the noise for the tenth of the values that differ most, averaged over neighbouring
+        # lines
+        return self.somewhere > 2.0 and self.largest_db > LEAST_DIFFERENCE_DB
 
 
 @dataclass(frozen=True, slots=True)

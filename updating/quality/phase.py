@@ -24,10 +24,8 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF
 from updating.measurement.measurement import Measurement, at_one_place
 
-ANTICAUSAL_RATIO = 2.0
-"""Energy of one direction of time over that of the other beyond which the direction is certain [-]."""
 ANTICAUSAL_DEVIATIONS = 5.0
-"""The same in standard deviations of the logarithm of the ratio of noise."""
+"""Logarithm of that ratio over its deviation in noise, beyond which the direction of time is certain [-]."""
 QUADRATURE = 0.5
 """Mean cosine of twice the phase's angle beyond which a quarter turn is called certain: half of 1, the value
 without damping [-]."""
@@ -39,11 +37,7 @@ _WINDOW_WIDTH = 4
 LEAST_RINGING = 5e-3
 """Share of the energy beyond the window's times below which nothing rings: a polynomial of the fourth degree
 over the band leaves up to 2.6e-3 [-]."""
-_POWERS = (-2, -1, 0, 1, 2)
 _MOST_POINTS = 1 << 16
-_MOST_PEAKS = 10
-_NOISE_MULTIPLE = 5.0
-"""Peaks of the ringing below so many times the level at negative times are noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,9 +74,8 @@ class PhaseEvidence:
     @property
     def direction(self) -> NDArray[np.float64]:
         """1 where an FRF is certainly causal, -1 where it surely runs backwards, 0 where nobody knows."""
-        known = (np.abs(self.deviations) > ANTICAUSAL_DEVIATIONS) & (
-            np.abs(self.log_ratio) > np.log(ANTICAUSAL_RATIO)
-        )
+        # Energy of one direction of time over that of the other beyond which the direction is certain [-]
+        known = (np.abs(self.deviations) > ANTICAUSAL_DEVIATIONS) & (np.abs(self.log_ratio) > np.log(2.0))
         return np.where(known, np.sign(self.log_ratio), 0.0)
 
     @property
@@ -176,7 +169,7 @@ def _levelled(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDAr
     A smooth positive factor moves neither times nor phases; without it the first resonance of a receptance
     hides all others.
     """
-    trials = np.stack([H * ((frequency / frequency[-1]) ** p)[:, None] for p in _POWERS])
+    trials = np.stack([H * ((frequency / frequency[-1]) ** p)[:, None] for p in (-2, -1, 0, 1, 2)])
     energy = np.abs(trials) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = np.nan_to_num(energy.sum(axis=1) ** 2 / (energy**2).sum(axis=1))
@@ -226,7 +219,8 @@ def _residues(
         g = np.fft.fft(gated) / expected[k]
         size = np.abs(g)
         peak = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
-        peak = peak[size[peak] > _NOISE_MULTIPLE * noise[k]]
+        # Peaks of the ringing below so many times the level at negative times are noise
+        peak = peak[size[peak] > 5.0 * noise[k]]
         peak = np.array(_apart(size, peak), dtype=int)
         if peak.size:
             energy = float((size[peak] ** 2).sum())
@@ -241,7 +235,7 @@ def _apart(size: NDArray[np.float64], peaks: NDArray[np.int64]) -> list[int]:
     for p in peaks[np.argsort(-size[peaks])]:
         if all(size[min(p, q) : max(p, q)].min() < 0.5 * size[p] for q in out):
             out.append(int(p))
-        if len(out) == _MOST_PEAKS:
+        if len(out) == 10:
             break
     return out
 

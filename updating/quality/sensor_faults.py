@@ -16,12 +16,6 @@ from updating.quality.cross_prediction import CrossPrediction
 from updating.quality.fault_hypotheses import FaultHypothesis, Series, factor_hypotheses, judge, valued
 from updating.quality.misplaced import moved, other_places
 
-GAIN_LEAST = 0.06
-"""Smallest deviation of a gain from 1 that is called a fault, as a logarithm [-]."""
-
-TILT_LEAST = 0.08
-"""Smallest angle of a sensor's direction to the stated one that is called a fault [rad]."""
-
 SHIFT_LEAST = 0.02
 """Smallest distance from the stated place that is called a fault, in lengths of the member [-]."""
 
@@ -29,7 +23,8 @@ SHIFT_LEAST = 0.02
 def sensor_hypotheses(problem: FitProblem, X: CrossPrediction, i: int) -> list[FaultHypothesis]:
     """Return the faults that sensor i alone may have."""
     name, series = problem.data.measurement.sensors[i].name, _series(X, i)
-    out = factor_hypotheses(series, "sensor", name, np.linspace(-3, 3, 121), GAIN_LEAST)
+    # Smallest deviation of a gain from 1 that is called a fault, as a logarithm [-]
+    out = factor_hypotheses(series, "sensor", name, np.linspace(-3, 3, 121), 0.06)
     if not out or not problem.data.measurement.sensors[i].directed:
         return out  # only the motion of a point is predicted in other directions and at other places
     before = series.losses(series.predicted)
@@ -80,7 +75,8 @@ def _tilt_hypotheses(
             "sensor_tilt", sensor.name, x, std, "rad", direction=towards_it, span=float(np.ptp(angles))
         )
         change = series.change(tilted(np.array([x]), motion)[0])
-        out.append(judge(fault, x, TILT_LEAST, before, after, count, change))
+        # Smallest angle of a sensor's direction to the stated one that is called a fault [rad]
+        out.append(judge(fault, x, 0.08, before, after, count, change))
     return out
 
 

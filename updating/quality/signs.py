@@ -33,14 +33,10 @@ WORDS = {"sensor": "response", "excitation": "force"}
 LARGEST_COSINE = 0.95
 """Mean cosines count as no more than this: no model has the right phase in more of the band [-]."""
 
-LEAST_PARTS = 3
-"""Independent parts of a band that has fewer modes [-]."""
 
 _SAME_PLACE = 1e-6
 """Distance of a force from a sensor at its place, relative to the mesh's size."""
 
-_MOST_TURNS = 50
-"""Rounds of alternate maximisation over the signs of responses and of forces."""
 
 Floats = NDArray[np.float64]
 
@@ -100,7 +96,8 @@ def reversal(
     seen = np.isfinite(cosine)
     n = np.maximum(seen.sum(axis=0), 1)
     total = np.where(seen, cosine, 0.0).sum(axis=0)
-    parts = max(LEAST_PARTS, n_modes)
+    # Independent parts of a band that has fewer modes [-]
+    parts = max(3, n_modes)
     driven = dict(_driven(measurement, measured, tolerance))
     power = np.zeros(n.shape)
     for at, sense in driven.items():
@@ -220,7 +217,8 @@ def _starts(e: Floats) -> Iterator[Floats]:
 
 def _alternately(e: Floats, t: Floats, price_s: Floats, price_t: Floats) -> tuple[Floats, Floats]:
     s = np.ones(len(e))
-    for _ in range(_MOST_TURNS):
+    # Rounds of alternate maximisation over the signs of responses and of forces
+    for _ in range(50):
         s = np.where(-(e @ t) > price_s, -1.0, 1.0)
         new = np.where(-(s @ e) > price_t, -1.0, 1.0)
         if (new == t).all():

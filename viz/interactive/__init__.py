@@ -10,5 +10,3 @@ if TYPE_CHECKING:
     from viz.interactive.modes import modes_figure
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = ["draw", "model_figure", "modes_figure"]

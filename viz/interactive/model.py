@@ -24,7 +24,7 @@ from viz.interactive.solids import (
     solid,
     wires,
 )
-from viz.interactive.theme import CELL, colour_scale, layout, plain, rgb_text, single
+from viz.interactive.theme import CELL, colour_bar, colour_scale, layout, plain, rgb_text, single
 from viz.layout import in_order, merge_names, shorten
 from viz.markers import COLOURS, support_axes
 from viz.models import drawn_names, drawn_size, member_families, model_surface, surface_places
@@ -193,15 +193,7 @@ def _share_scale() -> list[tuple[float, str]]:
 
 
 def _bar(label: str, x: float) -> dict[str, Any]:
-    return {
-        "title": {"text": plain(label), "side": "right", "font": {"size": 11}},
-        "thickness": 10,
-        "len": 0.6,
-        "outlinewidth": 0,
-        "x": x,
-        "xanchor": "right" if x > 0.5 else "left",
-        "tickfont": {"size": 10},
-    }
+    return colour_bar(label, x=x, xanchor="right" if x > 0.5 else "left")
 
 
 def _instrument_traces(

@@ -12,7 +12,7 @@ from fem.analysis.modes import Modes
 from fem.model import Model
 from viz import style
 from viz.interactive.solids import edge_rows, scene, solid, wires
-from viz.interactive.theme import binary, colour_scale, coordinates, layout, plain, single
+from viz.interactive.theme import binary, colour_bar, colour_scale, coordinates, layout, plain, single
 from viz.models import displacement_at, drawn_size, model_surface
 from viz.shapes import amplification, match_scale, real_shape
 from viz.surfaces import Surface
@@ -22,15 +22,9 @@ PHASES = 7
 """Pictures of half a period: a real shape comes back the same way."""
 PERIODS = 4
 """Number of periods that a figure with frames plays at a time."""
-FRAME_MS = 60
-"""Time from one picture to the next [ms]."""
 
 MOST_FRAMED = 12
 """Number of modes of a figure with frames unless they are named; each takes a sixth of a megabyte."""
-MENUS = 36
-"""Height of the list of modes and the stop button [pixel]."""
-N_PIECES = 200
-"""Straight pieces of all members together, about."""
 
 MeasuredShape = tuple[ArrayLike, ArrayLike]
 """Places (n, 3) [m] and displacement vectors (n, 3) of any scale, one for each sensor."""
@@ -127,7 +121,8 @@ def modes_figure(
             "edges": edge_rows(rest.edges).astype(np.int32),
         }
         return Figure(traces, look)
-    look["margin"]["t"] += MENUS
+    # Height of the list of modes and the stop button [pixel]
+    look["margin"]["t"] += 36
     look["legend"] |= {"y": 1.0, "yref": "paper", "yanchor": "bottom"}  # below the menus
     figure = Figure(traces, {**look, "updatemenus": _menus(motions)})
     figure.frames = _frames(rest, motions, traces, moving)
@@ -163,7 +158,8 @@ def mode_motion(
 
 def _pieces(model: Model) -> int:
     """Return the number of straight pieces of a line: many where lines are few, one where they are many."""
-    return int(np.clip(round(N_PIECES / max(model.mesh.n_lines, 1)), 1, 6))
+    # Straight pieces of all members together, about
+    return int(np.clip(round(200 / max(model.mesh.n_lines, 1)), 1, 6))
 
 
 def _traces(
@@ -183,13 +179,7 @@ def _traces(
         colorscale=colour_scale(style.displacement_map()),
         showscale=True,
         hoverinfo="skip",
-        colorbar={
-            "title": {"text": "relative displacement [-]", "side": "right", "font": {"size": 11}},
-            "thickness": 10,
-            "len": 0.6,
-            "outlinewidth": 0,
-            "tickfont": {"size": 10},
-        },
+        colorbar=colour_bar("relative displacement [-]"),
         meta={"moves": "surface"},
     )
     traces = [ghost, moving]
@@ -275,7 +265,8 @@ def _menus(motions: Sequence[Motion]) -> list[dict[str, Any]]:
     there = list(range(PHASES))
     period = [*there, *there[-2:0:-1]]
     how = {
-        "frame": {"duration": FRAME_MS, "redraw": True},
+        # Time from one picture to the next [ms]
+        "frame": {"duration": 60, "redraw": True},
         "transition": {"duration": 0},
         "mode": "immediate",
     }

@@ -16,7 +16,7 @@ from updating.plan.plan import Outlook
 from updating.plan.visibility import size_of
 from viz import style
 from viz.interactive.solids import line_of_vertex, points_trace, scene, solid, wires
-from viz.interactive.theme import CELL, colour_scale, layout, plain, rgb_text, single
+from viz.interactive.theme import CELL, colour_bar, colour_scale, layout, plain, rgb_text, single
 from viz.models import drawn_names, model_surface
 from viz.surfaces import Surface
 
@@ -29,8 +29,6 @@ The sizes are an estimate that is a factor of two off at worst, as checks have s
 """
 MANY, SIZES = 60, (6, 4)
 """Number of marks above which they are small; sizes [pixel]."""
-SAME_POINT = 1e-3
-"""Points nearer to each other than this share of the structure's size have one mark [-]."""
 BLIND = style.VERMILION
 """Where the test shows no plausible size."""
 
@@ -162,8 +160,9 @@ class _Kind:
             if kind == "member" and not any(p.position for p in o.relevant.parameters()):
                 spots = [members.setdefault(name.removeprefix("member "), _Spot(np.full(3, np.nan), [], []))]
             else:
+                # Points nearer to each other than this share of the structure's size have one mark [-]
                 keyed = (
-                    (tuple(np.round(at / (SAME_POINT * model.mesh.size)).astype(int).tolist()), at)
+                    (tuple(np.round(at / (1e-3 * model.mesh.size)).astype(int).tolist()), at)
                     for at in o.relevant.locations(model)
                 )
                 spots = [marks.setdefault(key, _Spot(at, [], [])) for key, at in keyed]
@@ -234,13 +233,8 @@ class _Kind:
 
     def _colours(self) -> dict[str, Any]:
         bar = {
-            "title": {"text": plain(self.title), "side": "top", "font": {"size": 12}},
+            **colour_bar(self.title, 11, 0.75, "top", x=1, xanchor="left"),
             "thickness": 12,
-            "len": 0.75,
-            "outlinewidth": 0,
-            "x": 1,
-            "xanchor": "left",
-            "tickfont": {"size": 11},
             "tickvals": np.log(self.sizes).tolist(),
             "ticktext": [plain(t) for t in self.texts],
         }

@@ -168,6 +168,20 @@ def colour_scale(cmap: Any, n: int = 12) -> list[tuple[float, str]]:
     return [(float(t), rgb_text(cmap(float(t)))) for t in np.linspace(0, 1, n)]
 
 
+def colour_bar(
+    title: str, size: int = 10, length: float = 0.6, side: str = "right", **more: Any
+) -> dict[str, Any]:
+    """Return a bar of colours; ``size`` is that of its numbers and its thickness, ``length`` a share."""
+    return {
+        "title": {"text": plain(title), "side": side, "font": {"size": size + 1}},
+        "thickness": size,
+        "len": length,
+        "outlinewidth": 0,
+        "tickfont": {"size": size},
+        **more,
+    }
+
+
 def coordinates(points: NDArray[Any]) -> dict[str, Any]:
     """Return points (n, 3) as the x, y and z of a three-dimensional trace."""
     return dict(zip("xyz", single(points).T, strict=True))

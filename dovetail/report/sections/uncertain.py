@@ -12,8 +12,6 @@ applies = by_any
 
 LEAST_ROWS = 5
 """Rows that are shown at least [-]."""
-LOSSES = ("zeta", "eta", "loss_factor")
-"""Parameters of effects that are damping ratios or loss factors."""
 
 
 def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
@@ -56,7 +54,8 @@ def _parameter_row(u: UncertainValue) -> list[Line]:
 def _in_percent(u: UncertainValue) -> tuple[float, float, float, str]:
     """Return values before and after with the deviation and the unit: damping and changes in %."""
     parameter = u.name.rpartition(".")[2].partition(":")[0]
-    is_loss = parameter in LOSSES or u.name.startswith(DAMPING_RATIO)
+    # Parameters of effects that are damping ratios or loss factors
+    is_loss = parameter in ("zeta", "eta", "loss_factor") or u.name.startswith(DAMPING_RATIO)
     if u.unit != "-" or u.name == CONNECTIONS_POWER or (u.nominal and not is_loss):
         return u.nominal, u.fitted, u.std, u.unit
     if u.is_logarithm:

@@ -29,37 +29,3 @@ if TYPE_CHECKING:
     from updating.diagnosis.evidence.search import Search
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "NORMAL",
-    "N_STARTS",
-    "QUICK_STEPS",
-    "SHORT_STEPS",
-    "UNKNOWN",
-    "Blocks",
-    "Damped",
-    "Fits",
-    "Hypothesis",
-    "ModeRanking",
-    "Odds",
-    "Ranking",
-    "Scan",
-    "Search",
-    "Searched",
-    "Start",
-    "as_read",
-    "best_starts",
-    "doubtful",
-    "gains_without",
-    "left_out",
-    "log_prior",
-    "look_at",
-    "n_changes",
-    "near_to",
-    "place_of",
-    "places_of",
-    "screen",
-    "search_by_evidence",
-    "values_of",
-    "without_effects_of_channels",
-]

@@ -19,19 +19,13 @@ from updating.inference.fitting import FULL_LINES, QUICK_LINES, QUICK_NATS, fit,
 from updating.inference.parameters import Nuisance
 from updating.inference.problem import Problem
 
-LOW_LINES = 16
-"""Lines of fits in the lowest band, which has few modes."""
 SHORT_STEPS, QUICK_STEPS, MOST_STEPS = 2, 6, 16
 """Steps of first, short fits in each band, of those that go on from them, and of those that must converge."""
 FAR = 3.0
 """Multiple of the floor from which on uncertain parameters may be bent, so that fits begin from nominal ones,
 too [-]."""
-AROUND = (0.6, 1.0, 1.6)
-"""Factors of a found positive parameter at which other maxima are looked for."""
 N_STARTS = 3
 """Number of starts that are kept after short fits of the lowest band."""
-MOST_MOVES = 5
-"""A fit begins again at most so often on the basis of the places that it has found."""
 P = TypeVar("P", bound=Problem[Any])
 Fit = TypeVar("Fit")
 
@@ -126,7 +120,8 @@ class Fits(Generic[P]):
         return sorted(fits, key=lambda h: -h.fitted.log_evidence)
 
     def _in_lowest_band(self, quick: P, effects: Sequence[Effect], start: Start) -> tuple[float, Start]:
-        how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": LOW_LINES, "max_iterations": 3}
+        # Lines of fits in the lowest band, which has few modes
+        how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": 16, "max_iterations": 3}
         return self._fit(quick, effects, start.values, **how).fitted.log_likelihood, start
 
     def continued(self, quick: P, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
@@ -204,7 +199,8 @@ class Fits(Generic[P]):
         h = self._fit(problem, effects, values, **self._all_lines, **way)
         if not any(p.position for e in h.effects for p in e.parameters()):
             return h
-        for _ in range(MOST_MOVES):
+        # A fit begins again at most so often on the basis of the places that it has found
+        for _ in range(5):
             there = problem.at_places_of(h.fitted)
             if there is None:
                 break
@@ -258,7 +254,8 @@ def around(effects: Sequence[Effect], first: int = 0) -> list[Values]:
     starts: list[Values] = []
     for k, e in list(enumerate(effects))[first:]:
         for p in e.parameters():
-            for factor in AROUND if p.log else ():
+            # Factors of a found positive parameter at which other maxima are looked for
+            for factor in (0.6, 1.0, 1.6) if p.log else ():
                 moved = {p.name: float(np.clip(factor * p.value, p.lower, p.upper))}
                 starts.append((*values[:k], values[k] | moved, *values[k + 1 :]))
     return starts

@@ -58,8 +58,6 @@ ROUGH_NATS = 0.5
 """A fit to damped FRFs ends when it gains less."""
 BEHIND_NATS, TWINS_KEPT = 20.0, 0.5
 """Those so much behind the best do not go on but for the least; its twins do, up to this share of all."""
-N_SOUND = 24
-"""Lines at which damped FRFs of a model are compared with the sum over its lines."""
 N_PAIRED = 3
 """Number of the best blocks of which pairs are made."""
 Candidate = tuple[tuple[Effect, ...], tuple[Start, ...]]
@@ -129,7 +127,8 @@ class Damped:
         summed = self.computed.at(share) if weak and self.computed else None
         if weak is None or summed is None:
             return None
-        problem, lines = self.problem, weak.lines_up_to(np.inf, N_SOUND)
+        # Lines at which damped FRFs of a model are compared with the sum over its lines
+        problem, lines = self.problem, weak.lines_up_to(np.inf, 24)
         exact, mask = replace(weak, scatter=None).receptance(self.result, lines), weak.data.mask[lines]
 
         def level(H: NDArray[np.complex128]) -> float:

@@ -13,8 +13,6 @@ from updating.inference.problem import Problem
 
 MOST_DOFS = 36
 """Effects on more DOFs act on a member or more as a whole: what they do is one shape at each line."""
-MOST_MOTIONS = 6
-"""Largest number of independent motions of a place: those that reach the sensors most."""
 MOST_SHAPES = 3
 """Number of shapes, the largest ones, that represent effects on full members."""
 ALONG = 11
@@ -203,7 +201,8 @@ def _independent(A: Complexes) -> Complexes:
         return A
     flat = A.reshape(-1, A.shape[2])
     _, s, Vh = np.linalg.svd(np.real(flat.conj().T @ flat))
-    kept = np.flatnonzero(s > SAME_MOTION**2 * s[0])[:MOST_MOTIONS]
+    # Largest number of independent motions of a place: those that reach the sensors most
+    kept = np.flatnonzero(s > SAME_MOTION**2 * s[0])[:6]
     return A @ Vh[kept].T
 
 

@@ -18,9 +18,6 @@ from updating.forecast.look import Floats
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
 
-MOST_GRIDS = 100
-"""Number of candidates above which a first-order estimate makes a short list."""
-
 N_LOOKED = 3
 """Number of the best candidates by linear changes that are looked at on their grids in any case."""
 
@@ -94,7 +91,8 @@ class Ranking:
         nominal = problem.at_nominal(current)
         unbent = problem.has_broad_resonances or nominal.values == current.values
         bases = (current,) if unbent else (current, nominal)
-        if len(grids) > MOST_GRIDS:
+        # Number of candidates above which a first-order estimate makes a short list
+        if len(grids) > 100:
             chosen = shortlist(problem, bases, grids, self.n_listed)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, bases, grids, far=far)

@@ -21,8 +21,6 @@ SCAN_LINES = 24
 """Lines at which places are looked at."""
 N_PAIRED = 8
 """Number of the best connections of which pairs are made."""
-PAIR_RATIO = 0.9
-"""A pair counts where it leaves less than this part of what the better of the two leaves [-]."""
 LEVEL = 0.05
 """Misfit in parts of the receptances up to which nothing is gained [-]."""
 
@@ -69,7 +67,8 @@ def scanned(places: Sequence[Place], ratio: Callable[[Sequence[Place]], float]) 
     for one, two in combinations(connections[:N_PAIRED], 2):
         together = *one.places, *two.places
         both = Scanned(together, ratio(together))
-        if both.residual_ratio < PAIR_RATIO * one.residual_ratio:
+        # A pair counts where it leaves less than this part of what the better of the two leaves [-]
+        if both.residual_ratio < 0.9 * one.residual_ratio:
             pairs.append(both)
     return tuple(sorted([*singles, *pairs], key=lambda s: s.residual_ratio))
 

@@ -14,8 +14,6 @@ from updating.forecast.look import Look
 from updating.inference.fit_result import FitResult
 from updating.inference.problem import Problem
 
-HOPELESS = 40.0
-"""A rival is not fitted if its best point is so much less likely than that of the effect in its place."""
 N_FULL_LISTED, N_LOW_LISTED = 18, 8
 """Lines of the whole band, and of the low one, for the short list."""
 MOST_PLACES = 4
@@ -43,7 +41,8 @@ def rivals(
         each = (look.levels(grid)[0] - cost for look, cost in zip(looks, costs, strict=True))
         more = np.min(list(each), axis=0)
         k = int(np.argmin(more))
-        if np.isfinite(more[k]) and more[k] < HOPELESS:
+        # A rival is not fitted if its best point is so much less likely than that of the effect in its place
+        if np.isfinite(more[k]) and more[k] < 40.0:
             found.append((float(more[k]), i, k))
     return tuple(
         Screened(grids[i].effect, (Start((grids[i].points[k],), without),))
