@@ -183,7 +183,12 @@ def staircase(
     known = known[np.isfinite(known)]
     low, high = (known.min(), known.max()) if known.any() else (0.0, 1.0)
     room = 0.18 * (high - low)
-    low = float(low - room) if low < 0 else 0.0
+    below = np.minimum(np.where(higher, np.inf, fit), np.where(higher, held_out, np.inf))
+    if low >= 0 and (below < 0.6 * room).any():
+        low -= 0.6 * room  # for the number below a point near the axis
+    elif low < 0:
+        low -= room
+    low = float(low)
     marks = [] if floor_db is None or not np.isfinite(floor_db) else _floor(floor_db, low, "y", unit, digits)
     marks += [
         Curve(

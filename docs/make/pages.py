@@ -6,9 +6,14 @@ Two things are generated, and a page is committed with both. A block of commands
     $ dovetail modes study.toml
     ```
 
-A mark has what it names below it, up to ``<!-- end -->``; `FILLERS` lists the kinds of marks:
+A mark has what it names below it, up to ``<!-- end -->``:
 
-    <!-- picture examples/first-frame/model.png The model -->
+    <!-- picture examples/first-frame/model.png The model -->    a picture that a command has written
+    <!-- file examples/first-frame/study.toml -->    a text file, of the repository or written by a command
+    <!-- file examples/missing-card/missing.bdf 12 GRID* -->    twelve lines of it, from the first with GRID*
+    <!-- table benchmarks/validation/seeds.csv -->    a table of comma-separated values
+    <!-- book textbooks -->    a table of the benchmark book, by the name of its source, or their ``summary``
+    <!-- effects kinds -->    a table of what the effects declare, by its name in `docs.make.effects.TABLES`
 """
 
 import csv
@@ -117,7 +122,8 @@ def generate(text: str, name: str, root: Path, store: Store = NO_STORE) -> Page:
             return f"![{words}]({place})"
 
         def file(argument: str) -> str:
-            return listing(work / argument if (work / argument).is_file() else root / argument)
+            path, _, part = argument.partition(" ")
+            return listing(work / path if (work / path).is_file() else root / path, part)
 
         fillers: Mapping[str, Callable[[str], str]] = {
             "picture": picture,
@@ -208,7 +214,12 @@ def effects_table(name: str) -> str:
     return TABLES[name]().rstrip("\n")
 
 
-def listing(path: Path) -> str:
-    """Return a text file as a block of code."""
+def listing(path: Path, part: str = "") -> str:
+    """Return a text file as a block of code, or a part such as ``12 GRID*``: twelve lines, from the first with GRID*."""
     language = {".toml": "toml", ".py": "python"}.get(path.suffix, "text")
-    return f"```{language}\n{path.read_text(encoding='utf-8').rstrip()}\n```"
+    lines = path.read_text(encoding="utf-8").rstrip().split("\n")
+    if part:
+        n, _, text = part.partition(" ")
+        first = next(k for k, line in enumerate(lines) if text in line)
+        lines = lines[first : first + int(n)]
+    return "\n".join([f"```{language}", *lines, "```"])

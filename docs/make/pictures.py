@@ -5,10 +5,10 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
-WIDTH = 1000
-"""Largest width [pixels]: the text of a page is about as wide."""
+WIDTH = 1400
+"""Largest width [pixels]: twice that of a page's text on a screen."""
 
-COLOURS = 128
+COLOURS = 256
 
 THUMBNAIL = (48, 36)
 SAME_GREY = 0.02
@@ -25,7 +25,7 @@ def small(content: bytes) -> bytes:
         size = WIDTH, round(picture.height * WIDTH / picture.width)
         picture = picture.resize(size, Image.Resampling.LANCZOS)
     written = BytesIO()
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(written, "png", optimize=True)
+    picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(written, "png", optimize=True)
     return written.getvalue()
 
 

@@ -113,7 +113,7 @@ def _values_in(t: StudyTable, effect: Effect) -> dict[str, float]:
     for key, (form, p) in _forms(effect).items():
         if key in t:
             with t.at(key):
-                values[p.name] = _own_value(form, p, t.number(key), values)
+                values[p.name] = _own_value(form, p, t.number(key, infinite=form is not p), values)
     return values
 
 
@@ -262,5 +262,11 @@ def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[
 
 
 def written_values(effect: Effect) -> dict[str, float]:
-    """Return an effect's values as a study file holds them: no quantity is what rounding leaves of zero."""
-    return {p.name: rounded_or_zero(float(p.value)) for p in effect.parameters()}
+    """Return an effect's values as a study file holds them: 0 for what rounding leaves of zero."""
+    return {p.name: rounded_or_zero(float(p.value), _size(p)) for p in effect.parameters()}
+
+
+def _size(p: Parameter) -> float:
+    """Return the change of a parameter that its bounds allow in either direction; 0 for one of a single sign."""
+    size = min(p.absent - p.lower, p.upper - p.absent)
+    return size if 0 < size < np.inf else 0.0
