@@ -262,11 +262,12 @@ def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[
 
 
 def written_values(effect: Effect) -> dict[str, float]:
-    """Return an effect's values as a study file holds them: 0 for what rounding leaves of zero."""
-    return {p.name: rounded_or_zero(float(p.value), _size(p)) for p in effect.parameters()}
+    """Return an effect's values as a study file holds them: 0 for what rounding leaves of zero.
 
-
-def _size(p: Parameter) -> float:
-    """Return the change of a parameter that its bounds allow in either direction; 0 for one of a single sign."""
-    size = min(p.absent - p.lower, p.upper - p.absent)
-    return size if 0 < size < np.inf else 0.0
+    Rounding is relative to 1 in a number without unit, and else to the largest value of the effect in the
+    same unit.
+    """
+    sizes = {"-": 1.0}
+    for p in effect.parameters():
+        sizes[p.unit] = max(sizes.get(p.unit, 0.0), abs(float(p.value)))
+    return {p.name: rounded_or_zero(float(p.value), sizes[p.unit]) for p in effect.parameters()}

@@ -178,7 +178,10 @@ class StudyTable:
             return value
         words = f"a number {f'above {above:g}' if above is not None else ''}"
         words = f"a number of at least {least:g}" if least is not None else words.strip()
-        words = {"a number above 0": "a positive number"}.get(words, words) + (f" [{unit}]" if unit else "")
+        words = {"a number above 0": "a positive number"}.get(words, words)
+        if isinstance(value, float) and not np.isfinite(value):
+            words = words.replace("a ", "a finite ", 1)
+        words += f" [{unit}]" if unit else ""
         ok = _is_number(value) or (infinite and value == np.inf)
         ok = ok and (above is None or value > above) and (least is None or value >= least)
         if not ok:
