@@ -6,7 +6,7 @@ from math import isclose
 RTOL = 0.02
 """Largest relative difference of two numbers: rounding differs between processors, and fits end elsewhere."""
 
-MASKED = re.compile(r"\bin \d+(?:\.\d+)? (?:CPU )?s\b|\bDovetail \d+\.\S+")
+MASKED = re.compile(r"\bin \d+(?:\.\d+)? (?:CPU )?s\b|\b[Dd]ovetail \d+\.\S+")
 """Times of a run, and versions."""
 
 NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:\s?%)?", re.ASCII)

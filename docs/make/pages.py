@@ -19,6 +19,7 @@ A mark has what it names below it, up to ``<!-- end -->``:
 import csv
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -170,7 +171,7 @@ def run(line: str, folder: Path) -> Result:
     PageError
         If the command fails.
     """
-    words = line[2:].split()
+    words = shlex.split(line[2:])
     interpreter = [sys.executable, *(["-m", "dovetail"] if words[0] == "dovetail" else [])]
     before = contents(folder)
     done = subprocess.run(
