@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fem.lengths import length_text, shown_length
 from fem.summary import percent
 from viz import style
 from viz.axes import number
@@ -287,8 +288,9 @@ def position(
     member, title : str
         Name of the member, heading.
     """
-    s, error = np.asarray(positions, dtype=float), np.asarray(error_db, dtype=float)
-    best = float(s[np.argmin(error)]) if best is None else best
+    size, unit = shown_length(1.0)
+    s, error = size * np.asarray(positions, dtype=float), np.asarray(error_db, dtype=float)
+    best = float(s[np.argmin(error)]) if best is None else size * best
     at_best = float(np.interp(best, s, error))
     levels = [value for value in (baseline, floor) if value is not None]
     low, high = min([error.min(), at_best, *levels]), max([error.max(), *levels])
@@ -297,18 +299,18 @@ def position(
     marks: list[ChartMark] = [] if floor is None else _floor(floor, low, "y", "dB", 1)
     if interval is not None:
         marks.append(
-            Span(low=interval[0], high=interval[1], colour=style.HELD_OUT, name="confidence interval")
+            Span(low=size * interval[0], high=size * interval[1], colour=style.HELD_OUT, name="confidence interval")
         )
     if baseline is not None:
         without = f"without the effect {number(baseline, 1)} dB"
         marks.append(Rule(value=baseline, along="y", dash="--", text=without))
     marks += [
         Curve(x=s, y=error, dash="-", colour=style.FITTED, name="with the effect", hover="{y:.2f} dB"),
-        Curve(x=[best], y=[at_best], symbol="o", colour=style.EFFECT, name=f"best at {best:.4g} m"),
+        Curve(x=[best], y=[at_best], symbol="o", colour=style.EFFECT, name=f"best at {length_text(best / size)}"),
     ]
-    places = np.asarray(sensors, dtype=float)
+    places = size * np.asarray(sensors, dtype=float)
     if places.size:
         at = np.full(places.size, low + 0.03 * (high - low))
         marks.append(Curve(x=places, y=at, symbol="^", colour=style.SENSOR, name="sensors"))
-    x = Axis(f"place along {member or 'the member'} [m]", (float(s[0]), float(s[-1])))
+    x = Axis(f"place along {member or 'the member'} [{unit}]", (float(s[0]), float(s[-1])))
     return Chart(marks, x, Axis("error [dB]", (low, high)), title, 290, (5.6, 2.9))

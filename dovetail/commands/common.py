@@ -18,6 +18,7 @@ from dovetail.report.office import office
 from dovetail.report.table import Column
 from dovetail.study import Study, load_study
 from fem.io import write_uff
+from fem.lengths import show_lengths
 
 Options = argparse.Namespace
 
@@ -34,6 +35,7 @@ def without_rounding(values: ArrayLike) -> NDArray[np.float64]:
 def loaded(options: Options, needs: Collection[str] = NEEDS) -> Study:
     """Load the study of a command, and print its probable faults on standard error."""
     study = load_study(options.study, needs)
+    show_lengths(study.length_unit)
     warn(study.warnings)
     return study
 

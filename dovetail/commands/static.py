@@ -23,6 +23,7 @@ from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.section_stress import SectionStresses
 from fem.analysis.static_cases import StaticCases
 from fem.analysis.stations import LargestDisplacement
+from fem.lengths import length_text
 from fem.model import DIRECTIONS
 
 EXAMPLE = "dovetail static study.toml --case dead --case wind --picture out/static --vtu out/static.vtu"
@@ -156,7 +157,7 @@ def _largest_fields(study: Study, found: LargestDisplacement) -> Fields:
         return {"m": found.size, "place": place_of_point(study, found.point), "at": mesh.points[found.point]}
     assert found.member is not None
     at = mesh.point_at(mesh.locate(found.member, found.position))
-    return {"m": found.size, "place": f"{found.member} at {found.position:.4g} m", "at": at}
+    return {"m": found.size, "place": f"{found.member} at {length_text(found.position)}", "at": at}
 
 
 def _along_members(solution: StaticCases, members: Fields) -> Table:
