@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fem.lengths import length_text, shown_length
+from fem.lengths import shown_length
 from fem.summary import percent
 from viz import style
 from viz.axes import number
@@ -306,7 +306,7 @@ def position(
         marks.append(Rule(value=baseline, along="y", dash="--", text=without))
     marks += [
         Curve(x=s, y=error, dash="-", colour=style.FITTED, name="with the effect", hover="{y:.2f} dB"),
-        Curve(x=[best], y=[at_best], symbol="o", colour=style.EFFECT, name=f"best at {length_text(best / size)}"),
+        Curve(x=[best], y=[at_best], symbol="o", colour=style.EFFECT, name=f"best at {best:.4g} {unit}"),
     ]
     places = size * np.asarray(sensors, dtype=float)
     if places.size:

@@ -203,7 +203,7 @@ def test_the_largest_displacement_is_that_within_the_member(tmp_path, capsys, pi
     main(["static", str(path), "--json", "-", "--pieces", pieces])
     case = json.loads(capsys.readouterr().out)["cases"]["q"]
     assert case["largest_displacement"]["m"] == pytest.approx(2.8125e-3, rel=1e-9)
-    assert case["largest_displacement"]["place"] == "m at 3 m"
+    assert case["largest_displacement"]["place"] == "m at 3.000 m"
     np.testing.assert_allclose(case["largest_displacement"]["at"], [3, 0, 0])
     turns = case["members"]["m"]["u_ry"]
     assert [turns[0], turns[-1]] == pytest.approx([1.5e-3, -1.5e-3])

@@ -77,7 +77,7 @@ def test_places_have_the_unit_of_the_deck(tmp_path, capsys):
     text = STUDY + '\n[source]\nfile = "frame.bdf"\nunits = "mm-t-s"\n'
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     assert main(["candidates", str(tmp_path / "study.toml"), "--kind", "point_mass", "--kind", "crack"]) == 0
-    places = re.findall(r"member arm at (\S+ \S+)", capsys.readouterr().out)
+    places = re.findall(r"member arm at (\S+ \w+)", capsys.readouterr().out)
     assert set(places) == {"200 mm"}
     assert Site("member arm", 0.2) == "member arm at 0.200 m"
 
