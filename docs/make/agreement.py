@@ -9,7 +9,8 @@ RTOL = 0.02
 MASKED = re.compile(r"\bin \d+(?:\.\d+)? (?:CPU )?s\b|\b[Dd]ovetail \d+\.\S+")
 """Times of a run, and versions."""
 
-NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?:\s?%)?", re.ASCII)
+NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d{1,3})?(?:\s?%)?(?!\w)")
+"""Not within a name, such as columns.1 or 1X+."""
 
 LAYOUT = re.compile(r"\s+|[-─]{3,}")
 """Spaces and rules, which follow the widths of the numbers beside them."""
