@@ -299,7 +299,12 @@ def position(
     marks: list[ChartMark] = [] if floor is None else _floor(floor, low, "y", "dB", 1)
     if interval is not None:
         marks.append(
-            Span(low=size * interval[0], high=size * interval[1], colour=style.HELD_OUT, name="confidence interval")
+            Span(
+                low=size * interval[0],
+                high=size * interval[1],
+                colour=style.HELD_OUT,
+                name="confidence interval",
+            )
         )
     if baseline is not None:
         without = f"without the effect {number(baseline, 1)} dB"

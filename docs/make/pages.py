@@ -1,6 +1,6 @@
 """Pages of docs/: what is generated in them, and their links within the site.
 
-Two things are generated, and a page is committed with both. A block of commands has the output of each below it:
+Two things are generated, and a page is committed with both. A block of commands has the output of each:
 
     ```console examples/first-frame
     $ dovetail modes study.toml
@@ -152,7 +152,7 @@ def environment_of(root: Path, **more: str) -> dict[str, str]:
 
 
 def outputs(text: str, folder: Path, store: Store) -> Iterator[str]:
-    """Run the lines of a block that begin with ``$``; yield each with its output. Other lines are old output."""
+    """Run the lines of a block that begin with ``$``; yield each with its output, in place of other lines."""
     for line in text.splitlines():
         if not line.startswith("$ "):
             continue
@@ -216,7 +216,10 @@ def effects_table(name: str) -> str:
 
 
 def listing(path: Path, part: str = "") -> str:
-    """Return a text file as a block of code, or a part such as ``12 GRID*``: twelve lines, from the first with GRID*."""
+    """Return a text file as a block of code, or a part of it.
+
+    Such as ``12 GRID*``: twelve lines, from the first with GRID* on.
+    """
     language = {".toml": "toml", ".py": "python"}.get(path.suffix, "text")
     lines = path.read_text(encoding="utf-8").rstrip().split("\n")
     if part:

@@ -54,7 +54,7 @@ class Sections(Mapping[str, StudyTable]):
     _known: dict[tuple[str, float], Section] = field(default_factory=dict)
 
     def section(self, name: str, nu: float) -> Section:
-        """Return a section whose shear coefficients are those for Poisson's ratio ``nu``, unless it has its own."""
+        """Return a section, with the shear coefficients for Poisson's ratio ``nu`` unless it states one."""
         if (name, nu) not in self._known:
             self._known[name, nu] = self.read(self[name], name, nu)
         return self._known[name, nu]
@@ -67,7 +67,7 @@ class Sections(Mapping[str, StudyTable]):
                 self.section(name, 0.0)
 
     def __getitem__(self, name: str) -> StudyTable:
-        """Return the table of a name, however it is spelt: the study's own first, and then the rolled shapes."""
+        """Return the table of a name, however it is spelt: of the study, else of the rolled shapes."""
         if name in self.given:
             return self.given[name]
         if name in self.rows:

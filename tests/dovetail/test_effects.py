@@ -99,7 +99,7 @@ def test_an_infinite_stiffness_is_rigid(tmp_path):
         ('candidate = "member_density:post"\nchange = -3', "change: -3 is not between -"),
         ('candidate = "crack:post.ry"\ndepth = 1', "depth: unknown key"),
         ('candidate = "crack:post.ry"\nname = "frame"', "two effects 'frame'"),
-        ('candidate = "member_density:post"\nchange = inf', "change: inf is not allowed; a finite number is needed"),
+        ('candidate = "member_density:post"\nchange = inf', "change: inf is not allowed; a finite number"),
         ('candidate = "crack:post.ry"\ncompliance = inf', "compliance: inf is not allowed; a finite number"),
         ('candidate = "crack:post.ry"\nstiffness = nan', "stiffness: nan is not allowed; a finite number"),
         ("compliance = 1", "candidate"),

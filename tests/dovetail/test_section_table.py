@@ -152,9 +152,14 @@ nu = 0.4
 
 
 def test_two_members_of_one_section_have_the_nu_of_their_materials(tmp_path):
-    text = STUDY.format(top="", section="section = 'pipe'\nmaterial = 'lead'", more="").replace(
-        "[members.mast]", "[members.top]\nfrom = 'B'\nto = 'C'\nsection = 'pipe'\nmaterial = 'steel'\n\n[members.mast]"
-    ).replace("B = [0, 0, 2]", "B = [0, 0, 2]\nC = [0, 0, 3]")
+    text = (
+        STUDY.format(top="", section="section = 'pipe'\nmaterial = 'lead'", more="")
+        .replace(
+            "[members.mast]",
+            "[members.top]\nfrom = 'B'\nto = 'C'\nsection = 'pipe'\nmaterial = 'steel'\n\n[members.mast]",
+        )
+        .replace("B = [0, 0, 2]", "B = [0, 0, 2]\nC = [0, 0, 3]")
+    )
     text += "[sections.pipe]\nshape = 'tube'\nd = 0.05\nt = 0.002\n"
     text += "[materials.lead]\nE = 16e9\nrho = 11340.0\nnu = 0.4\n"
     members = read_study(text, tmp_path / "study.toml").model.of_kind(Frame)[0].members

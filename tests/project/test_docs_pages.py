@@ -1,4 +1,4 @@
-"""Pages of docs/: outputs, pictures and tables in them, links of the site, nothing from a network; the tutorial."""
+"""Pages of docs/: their outputs, pictures and tables, links of the site, nothing from a network."""
 
 import re
 import runpy
@@ -51,13 +51,14 @@ def test_outputs_and_pictures_are_put_into_the_page_once():
     text += "<!-- file examples/first-frame/study.toml 2 [mesh] -->\n\nText.\n"
     first = generated(text)
     assert "$ dovetail modes study.toml\nFirst frame: 39 elements" in first.text
-    assert "-->\n\n```toml\n[mesh]\nfile = \"frame.msh\"" in first.text
+    assert '-->\n\n```toml\n[mesh]\nfile = "frame.msh"' in first.text
     assert first.text.endswith("```\n\n<!-- end -->\n\nText.\n")
     assert generated(first.text).text == first.text
 
 
 def test_a_mark_takes_no_text_of_the_page_below_it():
-    text = "<!-- file Makefile 1 PYTHON -->\n\nText.\n\n<!-- file Makefile 1 PYTHON -->\n\nold\n\n<!-- end -->\n"
+    mark = "<!-- file Makefile 1 PYTHON -->\n\n"
+    text = f"{mark}Text.\n\n{mark}old\n\n<!-- end -->\n"
     assert generated(text).text.count("Text.") == 1
     assert "old" not in generated(text).text
 
@@ -73,7 +74,7 @@ def test_a_picture_is_beside_the_pages(tmp_path):
     picture = Image.open(BytesIO(page.pictures["images/page/a.png"]))
     assert picture.size == (1400, 700)
     assert not (folder / "a.png").exists()
-    with pytest.raises(pages.PageError, match="no command has written examples/x/b.png"):
+    with pytest.raises(pages.PageError, match=r"no command has written examples/x/b\.png"):
         generated(text.format("b"), tmp_path)
 
 
@@ -131,6 +132,18 @@ def test_a_page_is_written_where_it_shows_something_else(tmp_path):
         assert page.read_text() == text.format(wanted)
 
 
+def test_a_picture_that_no_mark_has_goes(tmp_path):
+    old = tmp_path / "docs" / "images" / "page" / "old.png"
+    old.parent.mkdir(parents=True)
+    old.touch()
+    page = tmp_path / "docs" / "page.md"
+    page.write_text("Text.\n")
+    assert "no mark" in refresh(page, tmp_path, NO_STORE, check=True)[0]
+    assert old.exists()
+    refresh(page, tmp_path, NO_STORE)
+    assert not old.exists()
+
+
 def committed():
     """Yield the name, the text and the generated parts of each page that has some."""
     for path in sorted((ROOT / "docs").glob("*.md")):
@@ -145,7 +158,8 @@ def test_every_page_shows_its_outputs_and_pictures():
     for path, found in committed():
         for match in found:
             assert len(match[0].strip().splitlines()) > 3, f"{path.name}: run make docs for {match[0]}"
-        shown |= {ROOT / "docs" / p for p in re.findall(r"!\[.*?\]\((images/\S+/\S+)\)", path.read_text("utf-8"))}
+        places = re.findall(r"!\[.*?\]\((images/\S+/\S+)\)", path.read_text("utf-8"))
+        shown |= {ROOT / "docs" / place for place in places}
     assert shown == set(ROOT.glob("docs/images/*/*.png"))
     assert sum(p.stat().st_size for p in shown) < 4e6
 

@@ -267,7 +267,9 @@ def _concluded(done: Searched[FitProblem], gates: Gates, model_error: float, *, 
         measured = identified_in(problem)
         modes = damped_modes(out.model, problem.damping, current.zeta, up_to)
         foreign = foreign_modes(problem, modes, measured)
-        out = replace(out, identified=measured, notes=(*out.notes, note_of(foreign)) if foreign else out.notes)
+        out = replace(
+            out, identified=measured, notes=(*out.notes, note_of(foreign)) if foreign else out.notes
+        )
     return replace(out, verdict=verdict, reason=reason)
 
 

@@ -37,9 +37,7 @@ class ForeignMode:
     high: float
 
 
-def foreign_modes(
-    problem: FitProblem, modes: Modes, measured: FrfModes | None
-) -> tuple[ForeignMode, ...]:
+def foreign_modes(problem: FitProblem, modes: Modes, measured: FrfModes | None) -> tuple[ForeignMode, ...]:
     """Return measured resonances that no mode of a model has, in order of frequency.
 
     Measured modes are paired with the model's by shape and frequency. Two within each other's half-power
