@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 from fem.model import Model
 from updating.inference.fit import FitProblem
@@ -18,7 +19,7 @@ class FrfModes:
     measurement: Measurement
 
 
-def identified_in(problem: FitProblem, **limits: float) -> FrfModes | None:
+def identified_in(problem: FitProblem, **limits: Any) -> FrfModes | None:
     """Return the modes in the FRFs that a problem compares, as they were corrected for faults.
 
     None where the FRFs lack phase, or the poles of the structure as those over a reference sensor do, or no
@@ -51,7 +52,7 @@ def with_more_sensors(data: Measurement, model: Model) -> Measurement:
 
 
 def modes_in(
-    data: Measurement, band: tuple[float, float] | None = None, **limits: float
+    data: Measurement, band: tuple[float, float] | None = None, **limits: Any
 ) -> tuple[IdentifiedModes, tuple[str, ...]]:
     """Return the modes in a measurement's FRFs, and the warnings of the identification.
 
