@@ -33,7 +33,8 @@ help:
 	@echo 'make coverage    the same, with the coverage of each package'
 	@echo 'make slow        the tests that take more than 5 s each'
 	@echo 'make long        those that take minutes: thirty diagnoses of fresh cases, the cases of other codes'
-	@echo 'make docs        build the documentation in out/site; FRESH=1 computes all of its results again, JOBS=1 one by one'
+	@echo 'make docs        write outputs and pictures into the pages of docs/, and build the site in out/site; CHECK=1 only compares'
+	@echo '                 the pages, FRESH=1 computes all results again, JOBS=1 one by one'
 	@echo 'make dist        build wheel and sdist in dist, and check them in clean environments; PYTHONS="python3.11 python3.13"'
 	@echo 'make fuzz        damaged files for every reader; MINUTES=10 SEED=3, or COUNT=50000 for each format'
 	@echo 'make independent the cases that other codes made: verdicts against the truth'
@@ -64,9 +65,9 @@ test: $(DEV)
 coverage: $(DEV)
 	$(IN) python -m pytest --cov --cov-report=term
 
-# pages run their commands and examples, or take results of an earlier build from .docs-cache; MkDocs then works without any network
+# commands and examples run, or their results are those of an earlier build in .docs-cache; MkDocs then works without any network
 docs: $(DEV) $(DOCS)
-	$(IN) python -m docs.make out/docs $(if $(FRESH),--fresh) $(if $(JOBS),--jobs $(JOBS))
+	$(IN) python -m docs.make out/docs $(if $(CHECK),--check) $(if $(FRESH),--fresh) $(if $(JOBS),--jobs $(JOBS))
 	$(IN) NO_MKDOCS_2_WARNING=1 python -m mkdocs build --quiet --strict
 	$(IN) python -m docs.make.offline out/site
 

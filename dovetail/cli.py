@@ -146,10 +146,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # argparse has printed the reason
         return int(stop.code or 0)
     from dovetail.disk.output import Progress  # --help and --version need no more than the parser
+    from fem.lengths import metres_afterwards
 
     progress, code = Progress(getattr(options, "quiet", False)), 0
     try:
-        with warnings.catch_warnings(), _ending(options):
+        with warnings.catch_warnings(), metres_afterwards(), _ending(options):
             warnings.showwarning = _warn if not options.debug else warnings.showwarning
             if options.results is not None:
                 options.results.check(options)

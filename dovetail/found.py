@@ -10,6 +10,7 @@ import numpy as np
 
 from dovetail.file.channel_errors import channel_error_values
 from dovetail.file.config import StudyContents
+from dovetail.file.effects import written_values
 from dovetail.file.faults import fault_table
 from dovetail.file.paths import with_paths
 from dovetail.file.toml import toml_comment, with_values
@@ -175,7 +176,9 @@ def text_with_model(
         Effects that have come since the baseline.
     """
     text = with_element_sizes(with_paths(study.text, study.path.parent, folder), study.chosen_sizes)
-    text = with_parameters(text, values)
+    fitted = study.model.with_values(values)
+    written = {(e.name, k): v for e in fitted.effects for k, v in written_values(e).items()}
+    text = with_parameters(text, {ref: written.get(ref, value) for ref, value in values.items()})
     if damping is not None:
         text = with_damping(text, *damping)
     text = with_effects(with_effects(text, effects), changes, since_baseline=True)

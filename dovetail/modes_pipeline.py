@@ -1,6 +1,5 @@
 """Measured modes of a study as data of fits and of diagnoses, identified in its FRFs where need be."""
 
-import warnings
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
@@ -16,6 +15,7 @@ from fem.model import Effect, Model
 from updating.correlation import comac, compare_modes
 from updating.diagnosis.diagnose_modes import diagnose_modes
 from updating.diagnosis.diagnosis import Diagnosis
+from updating.diagnosis.frf_modes import identified_in, modes_in, with_more_sensors
 from updating.diagnosis.mode_diagnosis import Baseline, ModeDiagnosis
 from updating.diagnosis.states import changed_problem
 from updating.inference.formed import formed_mode_problem
@@ -23,13 +23,10 @@ from updating.inference.mode_fit import BAD_PRIOR, ModeProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.measurement.measurement import (
     Measurement,
-    at_one_place,
-    references_of,
     sensor_rows,
     shapes_like_motions,
     with_resting_base,
 )
-from updating.modal.identification import IdentificationError, identify_modes
 from updating.modal.identified_modes import IdentifiedModes
 
 Progress = Callable[[str, float], None]
@@ -62,7 +59,7 @@ def _identified(
 ) -> tuple[MeasuredModes, tuple[str, ...]]:
     """Return the modes in the FRFs of one state, and sentences on them."""
     data = with_more_sensors(data, study.model)
-    found, warnings = modes_in(data, study.band, study.shape_limits)
+    found, warnings = modes_in(data, study.band, **asdict(study.shape_limits))
     modes = as_measured(found, data)
     repeatability = float(np.median(other.frequency_std)) if other is not None else 0.0
     f = modes.modes.frequency
@@ -147,46 +144,6 @@ def first_state(study: StudyContents) -> tuple[Model, tuple[Effect, ...]]:
     return study.model.without_effect(*study.changes), changes
 
 
-def with_more_sensors(data: Measurement, model: Model) -> Measurement:
-    """Return a measurement whose shapes are of the side with more places, by reciprocity.
-
-    The FRFs of a roving hammer are the motions of its places for a force at the sensor.
-    """
-    turn = data.moving_forces and data.has_transpose and all(e.reciprocal for e in model.effects)
-    return data.transposed() if turn else data
-
-
-def modes_in(
-    data: Measurement, band: tuple[float, float] | None, limits: ShapeLimits
-) -> tuple[IdentifiedModes, tuple[str, ...]]:
-    """Return the modes in a measurement's FRFs, and the warnings of the identification.
-
-    Parameters
-    ----------
-    data : Measurement
-    band : (float, float) or None
-        Lowest and highest frequency; all unless given [Hz].
-    limits : ShapeLimits
-        How complex shapes may be.
-
-    Raises
-    ------
-    IdentificationError
-        For data that do not allow it.
-    """
-    if not data.has_structure_poles:
-        refer = ", ".join(s.name for s in references_of(data.excitations))
-        msg = (
-            f"the FRFs of {data.name} refer to {refer}: their peaks are where that does not move, not the "
-            "natural frequencies; FRFs per force, or to a moving base, have modes"
-        )
-        raise IdentificationError(msg)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        found = identify_modes(data.frf, band=band, driving=_driving(data), **asdict(limits))
-    return found, tuple(dict.fromkeys(str(w.message) for w in caught))
-
-
 def as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
     """Return identified modes as measured ones, with their standard deviations.
 
@@ -207,17 +164,6 @@ def as_measured(found: IdentifiedModes, data: Measurement) -> MeasuredModes:
     return MeasuredModes(modes, sensors, f_std, shape_std, f"FRFs of {data.name}")
 
 
-def _driving(m: Measurement) -> list[tuple[str, str]] | None:
-    """Return responses and forces at one place and in one direction; None where labels may tell."""
-    pairs = [
-        (s.name, e.name)
-        for s in m.sensors
-        for e in m.excitations
-        if at_one_place(s, e, 1e-9) > 0 and s.direction @ e.direction > 1 - 1e-9
-    ]
-    return pairs or None
-
-
 def modes_in_frfs(study: StudyContents, d: Diagnosis, nominal: Modes, reported: Modes) -> ModesInFrfs | None:
     """Identify modes in the measured FRFs and pair them with computed ones.
 
@@ -231,14 +177,15 @@ def modes_in_frfs(study: StudyContents, d: Diagnosis, nominal: Modes, reported: 
     nominal, reported : Modes
         Of the nominal and of the reported model, with a row for every DOF.
     """
-    frf = d.measured
-    if d.problem.modes is not None or not frf.has_phase:
+    if d.problem.modes is not None:
+        return None
+    usual = study.shape_limits == ShapeLimits()
+    found = (usual and d.identified) or identified_in(d.problem, **asdict(study.shape_limits))
+    if not found:
         return None
     try:
-        data = with_more_sensors(d.problem.data.measurement.with_frf(frf), study.model)
-        found, _ = modes_in(data, study.band, study.shape_limits)
-        measured = as_measured(found, data)
-    except (IdentificationError, StudyError):
+        measured = as_measured(found.found, found.measurement)
+    except StudyError:
         return None
     rows = sensor_rows(d.model, measured.sensors)
     before = sensor_rows(with_resting_base(d.problem.reduced.model), measured.sensors)

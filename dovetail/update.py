@@ -1,6 +1,6 @@
 """Modes and updated values of a study: identify, update, and write the results into its text."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +14,14 @@ from dovetail.found import text_with_model, values_in, with_test
 from dovetail.modes_pipeline import (
     as_measured,
     mode_problem_and_model,
-    modes_in,
     targets_of,
-    with_more_sensors,
 )
 from dovetail.pipeline import formed_problem_and_model
 from fem.analysis.modes import solve_modes
 from fem.model import Model, ParameterRef
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
+from updating.diagnosis.frf_modes import modes_in, with_more_sensors
 from updating.inference.fitted_damping import fitted_damping
 from updating.inference.update_run import update_fitted
 from updating.inference.updated import Updated
@@ -104,7 +103,7 @@ def identify_study(
         raise StudyError(msg)
     data = study.measurements[0] if measurement is None else by_name[measurement]
     data = with_more_sensors(data, study.model)
-    found, warnings = modes_in(data, band or study.band, limits or study.shape_limits)
+    found, warnings = modes_in(data, band or study.band, **asdict(limits or study.shape_limits))
     return found, data, (*_beyond(data, band), *warnings)
 
 

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.lengths import length_text
+
 Contains = Mapping[str, Callable[[Any], dict[str, float]]]
 """Kinds of effect, each with a function that returns its parameters, of an effect that contains it."""
 
@@ -118,7 +120,7 @@ class Site(str):
     def __new__(cls, thing: str, position: Any = None, detail: str = "") -> Self:
         """Return the words; a position may be in words already."""
         at = position if isinstance(position, str) else ""
-        at = at if position is None or at else f"{np.real(position):.3f} m"
+        at = at if position is None or at else length_text(float(np.real(position)))
         self = super().__new__(cls, f"{thing}{' at ' * bool(at)}{at}{', ' * bool(detail)}{detail}")
         self.thing, self.at, self.detail = thing, at, detail
         return self

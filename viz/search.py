@@ -5,6 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fem.lengths import shown_length
 from fem.summary import percent
 from viz import style
 from viz.axes import number
@@ -183,7 +184,12 @@ def staircase(
     known = known[np.isfinite(known)]
     low, high = (known.min(), known.max()) if known.any() else (0.0, 1.0)
     room = 0.18 * (high - low)
-    low = float(low - room) if low < 0 else 0.0
+    below = np.minimum(np.where(higher, np.inf, fit), np.where(higher, held_out, np.inf))
+    if low >= 0 and (below < 0.6 * room).any():
+        low -= 0.6 * room  # for the number below a point near the axis
+    elif low < 0:
+        low -= room
+    low = float(low)
     marks = [] if floor_db is None or not np.isfinite(floor_db) else _floor(floor_db, low, "y", unit, digits)
     marks += [
         Curve(
@@ -282,8 +288,9 @@ def position(
     member, title : str
         Name of the member, heading.
     """
-    s, error = np.asarray(positions, dtype=float), np.asarray(error_db, dtype=float)
-    best = float(s[np.argmin(error)]) if best is None else best
+    size, unit = shown_length(1.0)
+    s, error = size * np.asarray(positions, dtype=float), np.asarray(error_db, dtype=float)
+    best = float(s[np.argmin(error)]) if best is None else size * best
     at_best = float(np.interp(best, s, error))
     levels = [value for value in (baseline, floor) if value is not None]
     low, high = min([error.min(), at_best, *levels]), max([error.max(), *levels])
@@ -292,18 +299,23 @@ def position(
     marks: list[ChartMark] = [] if floor is None else _floor(floor, low, "y", "dB", 1)
     if interval is not None:
         marks.append(
-            Span(low=interval[0], high=interval[1], colour=style.HELD_OUT, name="confidence interval")
+            Span(
+                low=size * interval[0],
+                high=size * interval[1],
+                colour=style.HELD_OUT,
+                name="confidence interval",
+            )
         )
     if baseline is not None:
         without = f"without the effect {number(baseline, 1)} dB"
         marks.append(Rule(value=baseline, along="y", dash="--", text=without))
     marks += [
         Curve(x=s, y=error, dash="-", colour=style.FITTED, name="with the effect", hover="{y:.2f} dB"),
-        Curve(x=[best], y=[at_best], symbol="o", colour=style.EFFECT, name=f"best at {best:.4g} m"),
+        Curve(x=[best], y=[at_best], symbol="o", colour=style.EFFECT, name=f"best at {best:.4g} {unit}"),
     ]
-    places = np.asarray(sensors, dtype=float)
+    places = size * np.asarray(sensors, dtype=float)
     if places.size:
         at = np.full(places.size, low + 0.03 * (high - low))
         marks.append(Curve(x=places, y=at, symbol="^", colour=style.SENSOR, name="sensors"))
-    x = Axis(f"place along {member or 'the member'} [m]", (float(s[0]), float(s[-1])))
+    x = Axis(f"place along {member or 'the member'} [{unit}]", (float(s[0]), float(s[-1])))
     return Chart(marks, x, Axis("error [dB]", (low, high)), title, 290, (5.6, 2.9))

@@ -225,7 +225,7 @@ def study(plane, states, name, *, form, withheld):
     lines += [f'{k} = {{ from = "{a}", to = "{b}" }}' for k, (a, b) in plane.members.items()]
     b, h = plane.section
     lines += ["", "[materials.steel]", "E = 210e9", "rho = 7850.0", ""]
-    lines += ["[sections.bar]", 'shape = "rectangle"', f"b = {b}", f"h = {h}", ""]
+    lines += ["[sections.bar]", 'shape = "rectangle"', f"b = {b}", f"h = {h}", "nu = 0.0", ""]
     for k, held in plane.supports.items():
         lines += ["[[supports]]", f'name = "{k}"', f'point = "{k}"', f"fixed = {json.dumps(held)}", ""]
     for table, f in zip(("baseline", "modes"), states, strict=True):

@@ -1,25 +1,15 @@
-"""Write the documentation's tables of effects from what these declare: python -m docs.make.effects.
+"""The documentation's tables of effects, from what these declare.
 
-A page holds a table between ``<!-- effects NAME -->`` and ``<!-- end -->``; `TABLES` has the names. A test
-compares the pages with these tables.
+A page has a table below ``<!-- effects NAME -->``; `TABLES` has the names.
 """
 
-import re
 import textwrap
 from collections.abc import Callable, Mapping
-from pathlib import Path
 
 from fem.declarations import Entry, Environment
 from fem.effects import candidate_kinds, effect_classes
 from fem.model import Effect
 from updating.inference.belief import UNSTATED
-
-ROOT = Path(__file__).parents[2]
-
-PAGES = ("study-file.md", "result.md", "mathematics.md")
-"""Pages of docs/ with tables of effects."""
-
-BLOCK = re.compile(r"(<!-- effects (\w+) -->\n\n).*?(\n<!-- end -->\n)", re.DOTALL)
 
 
 def candidates() -> dict[str, tuple[type[Effect], Entry]]:
@@ -80,14 +70,3 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "environments": table_of_environments,
 }
 """What a page can hold, by the name in its comment."""
-
-
-def with_tables(text: str) -> str:
-    """Return the text of a page with its tables as the effects declare them."""
-    return BLOCK.sub(lambda m: f"{m[1]}{TABLES[m[2]]()}{m[3]}", text)
-
-
-if __name__ == "__main__":
-    for name in PAGES:
-        page = ROOT / "docs" / name
-        page.write_text(with_tables(page.read_text(encoding="utf-8")), encoding="utf-8")

@@ -49,7 +49,8 @@ The folder `examples` has larger studies as well:
 | `cross-beam` | a study with mesh file, universal file and an elastic joint; `make demo` runs it |
 | `first-frame` | the study of the [tutorial](../first-frame.md) |
 | `missing-card` | a Nastran deck and a test, and [the card that was missing](../missing-card.md) |
-| `loaded-portal`, `fan` | studies of [loads and time](../loads-and-time.md) |
+| `loaded-portal` | a study of [statics](../statics.md) and of [loads and time](../loads-and-time.md) |
+| `fan` | a study of [rotors](../rotors.md) |
 | `tuned-absorber` | a planar mast with a tuned absorber, one and many |
 | `joint-study` | the numerical and the experimental study of the cross-beam paper, with their pictures |
 | `southampton-frame` | a study of a measured frame |

@@ -1,30 +1,46 @@
-"""Pages of the site: links that lead within it, output of commands, pictures and tables."""
+"""Pages of docs/: what is generated in them, and their links within the site.
+
+Two things are generated, and a page is committed with both. A block of commands has the output of each:
+
+    ```console examples/first-frame
+    $ dovetail modes study.toml
+    ```
+
+A mark has what it names below it, up to ``<!-- end -->``:
+
+    <!-- picture examples/first-frame/model.png The model -->    a picture that a command has written
+    <!-- file examples/first-frame/study.toml -->    a text file, of the repository or written by a command
+    <!-- file examples/missing-card/missing.bdf 12 GRID* -->    twelve lines of it, from the first with GRID*
+    <!-- table benchmarks/validation/seeds.csv -->    a table of comma-separated values
+    <!-- book textbooks -->    a table of the benchmark book, by the name of its source, or their ``summary``
+    <!-- effects kinds -->    a table of what the effects declare, by its name in `docs.make.effects.TABLES`
+"""
 
 import csv
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from docs.make.pictures import small
 from docs.make.stored import CACHE, NO_STORE, Result, Store, contents, digest, program
 
 COMMANDS = re.compile(r"^```console (\S+)\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
-"""Commands that are run in a folder of the repository, or a copy of it: ```console examples/first-frame."""
+"""Commands that are run in a copy of a folder of the repository, and their output."""
 
-PICTURE = re.compile(r"^<!-- picture (\S+) (.*?) -->$", re.MULTILINE)
-"""A picture that a command has written: <!-- picture examples/first-frame/report/x.png What it shows. -->"""
+MARK = re.compile(
+    r"^<!-- (picture|table|file|book|effects) (.+?) -->\n(?:\n(?:(?!^<!-- ).)*?\n<!-- end -->\n)?",
+    re.MULTILINE | re.DOTALL,
+)
+"""A mark with what is generated below it; a new one has nothing yet."""
 
-TABLE = re.compile(r"^<!-- table (\S+) -->$", re.MULTILINE)
-"""A table of comma-separated values: <!-- table benchmarks/validation/seeds.csv -->"""
-
-FILE = re.compile(r"^<!-- file (\S+) -->$", re.MULTILINE)
-"""A text file, of the repository or written by a command: <!-- file examples/first-frame/study.toml -->"""
-
-BOOK = re.compile(r"^<!-- book (\w+) -->$", re.MULTILINE)
-"""A table of the benchmark book, by the name of its source, or ``summary``."""
+GENERATED = re.compile(f"{COMMANDS.pattern}|{MARK.pattern}", re.MULTILINE | re.DOTALL)
 
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]*)(#[^)]*)?\)")
 
@@ -42,8 +58,8 @@ def sources(root: Path) -> dict[Path, str]:
     return found | {root / name: target for name, target in AT_ROOT.items() if name != "README.md"}
 
 
-def with_site_links(text: str, page: Path, root: Path, examples: Collection[str] = ()) -> str:
-    """Return a page whose links lead to pages of the site; other files of the repository lose theirs."""
+def for_site(text: str, page: Path, root: Path, examples: Collection[str] = ()) -> str:
+    """Return a page of the site: links lead to its pages; other files of the repository lose theirs."""
     depth = len(page.parent.relative_to(root / "docs").parts) if page.is_relative_to(root / "docs") else 0
 
     def link(match: re.Match[str]) -> str:
@@ -63,45 +79,68 @@ def with_site_links(text: str, page: Path, root: Path, examples: Collection[str]
             return words if words.startswith("`") else f"`{path}`" if words == target else words
         return f"[{words}]({'../' * depth}{where}{anchor})"
 
-    return LINK.sub(link, text)
+    # the highlighter of the site takes no second word
+    return COMMANDS.sub(r"```console\n\2```\n", LINK.sub(link, text))
 
 
-def expand(text: str, target: Path, root: Path, store: Store = NO_STORE) -> str:
-    """Return a page with the output of its commands, its pictures and its tables in it.
+@dataclass(frozen=True, slots=True)
+class Page:
+    """The text of a page and its generated pictures, by their places below docs/."""
 
-    Commands run in a copy of their folder beside the page, so that the repository stays as it is. Stored
-    results are not computed again.
+    text: str
+    pictures: Mapping[str, bytes]
+
+
+def generate(text: str, name: str, root: Path, store: Store = NO_STORE) -> Page:
+    """Return a page whose outputs, pictures and tables are generated anew.
+
+    Commands run in a copy of their folder, so that the repository stays as it is. Stored results are not
+    computed again.
+
+    Raises
+    ------
+    PageError
+        If a command fails, or has not written a picture or a file.
     """
-    work = target.with_suffix("")
+    pictures: dict[str, bytes] = {}
+    with TemporaryDirectory() as temporary:
+        work = Path(temporary)
 
-    def copied(name: str) -> Path:
-        folder = work / "_run" / name
-        if not folder.exists():
-            shutil.copytree(root / name, folder, ignore=shutil.ignore_patterns("__pycache__"))
-        return folder
+        def copied(folder: str) -> Path:
+            if not (work / folder).exists():
+                shutil.copytree(
+                    root / folder, work / folder, ignore=shutil.ignore_patterns("__pycache__", ".*.desk.*")
+                )
+            return work / folder
 
-    def commands(match: re.Match[str]) -> str:
-        return "```console\n" + "".join(outputs(match[2], copied(match[1]), store)) + "```\n"
+        def picture(argument: str) -> str:
+            path, _, words = argument.partition(" ")
+            if not (work / path).is_file():
+                msg = f"{name}: no command has written {path}"
+                raise PageError(msg)
+            place = f"images/{Path(name).stem}/{Path(path).name}"
+            pictures[place] = small((work / path).read_bytes())
+            return f"![{words}]({place})"
 
-    def picture(match: re.Match[str]) -> str:
-        source = work / "_run" / match[1]
-        if not source.is_file():
-            msg = f"{target.name}: no command has written {match[1]}"
-            raise PageError(msg)
-        shutil.copy(source, work / source.name)
-        return f"![{match[2]}]({work.name}/{source.name})"
+        def file(argument: str) -> str:
+            path, _, part = argument.partition(" ")
+            return listing(work / path if (work / path).is_file() else root / path, part)
 
-    def file(match: re.Match[str]) -> str:
-        written = work / "_run" / match[1]
-        return listing(written if written.is_file() else root / match[1])
+        fillers: Mapping[str, Callable[[str], str]] = {
+            "picture": picture,
+            "file": file,
+            "table": lambda argument: table(root / argument),
+            "book": lambda argument: book_table(argument, store),
+            "effects": effects_table,
+        }
 
-    text = COMMANDS.sub(commands, text)
-    text = PICTURE.sub(picture, text)
-    text = TABLE.sub(lambda match: table(root / match[1]), text)
-    text = FILE.sub(file, text)
-    text = BOOK.sub(lambda match: shelved(match[1], store), text)
-    shutil.rmtree(work / "_run", ignore_errors=True)
-    return text
+        def filled(match: re.Match[str]) -> str:
+            folder, commands, kind, argument = match.groups()
+            if folder:
+                return f"```console {folder}\n" + "".join(outputs(commands, copied(folder), store)) + "```\n"
+            return f"<!-- {kind} {argument} -->\n\n{fillers[kind](argument)}\n\n<!-- end -->\n"
+
+        return Page(GENERATED.sub(filled, text), pictures)
 
 
 def environment_of(root: Path, **more: str) -> dict[str, str]:
@@ -113,16 +152,15 @@ def environment_of(root: Path, **more: str) -> dict[str, str]:
 
 
 def outputs(text: str, folder: Path, store: Store) -> Iterator[str]:
-    """Run the lines of a block that begin with ``$``; yield each with its output."""
+    """Run the lines of a block that begin with ``$``; yield each with its output, in place of other lines."""
     for line in text.splitlines():
         if not line.startswith("$ "):
-            yield f"{line}\n"
             continue
         # a command may read what those before it have written
         key = line, digest(repr(contents(folder))), program()
         result = store.result(key, lambda line=line: run(line, folder))
         result.write_files(folder)
-        yield f"{line}\n{result.text}\n"
+        yield f"{line}\n{result.text}\n" if result.text else f"{line}\n"
 
 
 def run(line: str, folder: Path) -> Result:
@@ -133,7 +171,7 @@ def run(line: str, folder: Path) -> Result:
     PageError
         If the command fails.
     """
-    words = line[2:].split()
+    words = shlex.split(line[2:])
     interpreter = [sys.executable, *(["-m", "dovetail"] if words[0] == "dovetail" else [])]
     before = contents(folder)
     done = subprocess.run(
@@ -147,7 +185,8 @@ def run(line: str, folder: Path) -> Result:
         msg = f"{line}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
         raise PageError(msg)
     written = [name for name, hashed in contents(folder).items() if before.get(name) != hashed]
-    return Result(done.stdout.rstrip(), {name: (folder / name).read_bytes() for name in written})
+    text = "\n".join(row.rstrip() for row in done.stdout.rstrip().splitlines())
+    return Result(text, {name: (folder / name).read_bytes() for name in written})
 
 
 def table(path: Path) -> str:
@@ -158,8 +197,8 @@ def table(path: Path) -> str:
     return "\n".join(f"| {' | '.join(cell.replace('_', ' ') for cell in row)} |" for row in lines)
 
 
-def shelved(name: str, store: Store) -> str:
-    """Return a table of the benchmark book."""
+def book_table(name: str, store: Store) -> str:
+    """Return a table of the benchmark book, by the name of its source, or the ``summary`` of all."""
 
     def computed() -> Result:
         from docs.make import book  # it computes with all packages; other pages need none
@@ -169,7 +208,22 @@ def shelved(name: str, store: Store) -> str:
     return store.result(("book", name, program(book=True)), computed).text
 
 
-def listing(path: Path) -> str:
-    """Return a text file as a block of code."""
+def effects_table(name: str) -> str:
+    """Return a table of what the effects declare, by its name in `docs.make.effects.TABLES`."""
+    from docs.make.effects import TABLES
+
+    return TABLES[name]().rstrip("\n")
+
+
+def listing(path: Path, part: str = "") -> str:
+    """Return a text file as a block of code, or a part of it.
+
+    Such as ``12 GRID*``: twelve lines, from the first with GRID* on.
+    """
     language = {".toml": "toml", ".py": "python"}.get(path.suffix, "text")
-    return f"```{language}\n{path.read_text(encoding='utf-8').rstrip()}\n```"
+    lines = path.read_text(encoding="utf-8").rstrip().split("\n")
+    if part:
+        n, _, text = part.partition(" ")
+        first = next(k for k, line in enumerate(lines) if text in line)
+        lines = lines[first : first + int(n)]
+    return "\n".join([f"```{language}", *lines, "```"])

@@ -12,6 +12,7 @@ from dovetail.report.table import Column, Table
 from dovetail.study import Study, load_study
 from fem.checks import Defect, check_model
 from fem.io.atomic import replacing
+from fem.lengths import show_lengths
 from fem.summary import counted
 from updating.measurement.measurement import usable_lines
 
@@ -22,6 +23,7 @@ RESULTS = Results(picture="the faults, and how a mechanism moves", rendered=True
 def run(options: Options, progress: Progress) -> Answer:
     """Return probable faults of the model; draw where they are."""
     study, refusals = _read(options.study)
+    show_lengths(study.length_unit)
     unread = {text for text in study.warnings if any(words in text for words in study.left_out)}
     warnings = [text for text in study.warnings if text not in study.implausible and text not in unread]
     warn(warnings)

@@ -18,6 +18,7 @@ from dovetail.report.office import office
 from dovetail.report.table import Column
 from dovetail.study import Study, load_study
 from fem.io import write_uff
+from fem.lengths import show_lengths
 
 Options = argparse.Namespace
 
@@ -31,9 +32,16 @@ def without_rounding(values: ArrayLike) -> NDArray[np.float64]:
     return np.where(abs(v) > ROUNDING * abs(v).max(initial=0.0), v, 0.0)
 
 
+def first_largest(values: ArrayLike) -> int:
+    """Return the flat index of the largest value: the first of those that differ by rounding alone."""
+    v = np.asarray(values, float).ravel()
+    return int(np.argmax(v >= v.max() - ROUNDING * abs(v).max()))
+
+
 def loaded(options: Options, needs: Collection[str] = NEEDS) -> Study:
     """Load the study of a command, and print its probable faults on standard error."""
     study = load_study(options.study, needs)
+    show_lengths(study.length_unit)
     warn(study.warnings)
     return study
 

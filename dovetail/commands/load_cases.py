@@ -9,6 +9,7 @@ from dovetail.file.table import StudyError
 from dovetail.report.table import Column, Table
 from dovetail.study import Study
 from fem.analysis.statics import StaticSolution
+from fem.lengths import length_text
 from fem.model import DIRECTIONS
 from updating.measurement.measurement import Sensor, motions_of
 
@@ -91,7 +92,7 @@ def place_of_point(study: Study, point: int) -> str:
         if known == point:
             return name
     member, s, _ = mesh.nearest_on_members(mesh.points[point])
-    return f"{member} at {s:.4g} m"
+    return f"{member} at {length_text(s)}"
 
 
 def file_name(number: int, name: str, what: str) -> str:

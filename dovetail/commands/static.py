@@ -10,7 +10,7 @@ import numpy as np
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import integer_up_to
-from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
+from dovetail.commands.common import Options, assumptions, first_largest, loaded, notes_of_mesh
 from dovetail.commands.load_cases import add_cases, file_name, place_of_point, solved, table_of_reactions
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.static_cases import STRESSES, factor_fields, factor_words
@@ -23,6 +23,7 @@ from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.section_stress import SectionStresses
 from fem.analysis.static_cases import StaticCases
 from fem.analysis.stations import LargestDisplacement
+from fem.lengths import length_text
 from fem.model import DIRECTIONS
 
 EXAMPLE = "dovetail static study.toml --case dead --case wind --picture out/static --vtu out/static.vtu"
@@ -156,7 +157,7 @@ def _largest_fields(study: Study, found: LargestDisplacement) -> Fields:
         return {"m": found.size, "place": place_of_point(study, found.point), "at": mesh.points[found.point]}
     assert found.member is not None
     at = mesh.point_at(mesh.locate(found.member, found.position))
-    return {"m": found.size, "place": f"{found.member} at {found.position:.4g} m", "at": at}
+    return {"m": found.size, "place": f"{found.member} at {length_text(found.position)}", "at": at}
 
 
 def _along_members(solution: StaticCases, members: Fields) -> Table:
@@ -196,7 +197,7 @@ def _case(
     member = study.model.mesh.member_of_line()
     each = np.moveaxis(on_lines[..., k], -1, 0)
     for q, values in zip(SECTION_FORCES, each, strict=True):
-        low, high = (np.unravel_index(f(values), values.shape)[0] for f in (np.argmin, np.argmax))
+        low, high = (np.unravel_index(first_largest(v), v.shape)[0] for v in (-values, values))
         if values.any():
             out.append(
                 f"  {q:2} from {values.min():12.5g} in {member[low]} to {values.max():12.5g} "
@@ -210,8 +211,9 @@ def _stress_lines(study: Study, stresses: Stresses, k: int) -> list[str]:
     """Return what is printed of the stresses in a load case."""
     if not stresses:
         return []
-    low = min(stresses, key=lambda m: stresses[m].low[:, k].min())
-    high = max(stresses, key=lambda m: stresses[m].high[:, k].max())
+    known = list(stresses)
+    low = known[first_largest([-s.low[:, k].min() for s in stresses.values()])]
+    high = known[first_largest([s.high[:, k].max() for s in stresses.values()])]
     out = [
         f"  normal stress from {1e-6 * stresses[low].low[:, k].min():.5g} MPa in {low} to "
         f"{1e-6 * stresses[high].high[:, k].max():.5g} MPa in {high}{_without_stress(study, stresses)}"
@@ -219,7 +221,7 @@ def _stress_lines(study: Study, stresses: Stresses, k: int) -> list[str]:
     for name in ("shear", "von_mises"):
         largest = {m: float(s.by_name[name][:, k].max()) for m, s in stresses.items() if name in s.by_name}
         if largest:
-            member = max(largest, key=lambda m: largest[m])
+            member = list(largest)[first_largest([*largest.values()])]
             out.append(f"  {STRESSES[name]} {1e-6 * largest[member]:.5g} MPa in {member}")
     bare = [m for m, s in stresses.items() if s.missing]
     if bare:

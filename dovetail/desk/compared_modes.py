@@ -1,19 +1,20 @@
 """Modes of a hypothesis compared with measured ones, given by the study or identified in its FRFs."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.desk.saving import model_of
 from dovetail.file.measured_modes import MeasuredModes
-from dovetail.modes_pipeline import as_measured, modes_in, with_more_sensors
+from dovetail.modes_pipeline import as_measured
 from dovetail.pipeline import Progress
 from dovetail.study import Study
 from fem.analysis.modes import Modes
 from fem.model import Model
 from updating.correlation import ModeComparison, compare_modes
 from updating.diagnosis.fitted_modes import damped_modes
+from updating.diagnosis.frf_modes import modes_in, with_more_sensors
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
 from updating.measurement.measurement import sensor_rows
@@ -108,5 +109,5 @@ def _identified(study: Study, live: LiveModel, h: Hypothesis) -> tuple[MeasuredM
     counted = [name for name in frf.outputs if name not in h.off]
     data = live.data_of(h).measurement.with_frf(frf.select(counted))
     data = with_more_sensors(data, study.model)
-    found, notes = modes_in(data, study.band, study.shape_limits)
+    found, notes = modes_in(data, study.band, **asdict(study.shape_limits))
     return as_measured(found, data), notes

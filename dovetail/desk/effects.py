@@ -160,13 +160,14 @@ class EffectList:
         """Show a parameter with a slider, and with a field for each form in which it may be given."""
         words = f"{p.name.replace('_', ' ')} of {name}"
         with ui.element("div").classes("desk-slider"):
-            ui.label(p.name.replace("_", " ")).classes("label")
+            ends = {"stiffness": ", free to rigid", "compliance": ", rigid to free"} if p.reciprocal else {}
+            ui.label(p.name.replace("_", " ") + ends.get(p.name, "")).classes("label")
             slider = ui.element("input").props("type=range")
             shows = [self._field(name, p, form) for form in (p, p.reciprocal) if form is not None]
         # Vue writes a "value" again whenever anything near it changes, also while it is dragged
         at = scale.position(float(p.value))
-        ends = {"min": scale.low, "max": scale.high, "step": "any", "defaultValue": at}
-        for key, value in {**ends, "aria-label": words, "title": _range_text(p)}.items():
+        range_of = {"min": scale.low, "max": scale.high, "step": "any", "defaultValue": at}
+        for key, value in {**range_of, "aria-label": words, "title": _range_text(p)}.items():
             slider.props[key] = value
 
         def value_at(position: Any) -> float:

@@ -12,6 +12,8 @@ N_STEPS = 400
 """Steps of a slider [-]."""
 HALF = 10**1.5
 """A slider spans three decades: so many times less and more than the value of interest, in its middle [-]."""
+RIGID_OR_FREE = 1e3
+"""A spring so many times stiffer or softer than what is around it acts as rigid or free, to 0.1 % [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,14 +46,22 @@ class Scale:
         Parameters
         ----------
         p : Parameter
-            With its present value, which is of interest unless the effect is absent there.
+            With its present value, which is of interest unless the effect is absent there. A spring's scale
+            runs from rigid to free, whatever its value.
         starts : sequence of float
             Values that a search would begin with: they tell which sizes matter.
         """
         absent = p.absent if np.isfinite(p.absent) and not p.log else 0.0
         off = [abs(v - absent) for v in starts if np.isfinite(v) and v != absent]
         now = abs(p.value - absent) if np.isfinite(p.value) else 0.0
-        middle = now or (float(np.exp(np.mean(np.log(off)))) if off else 1.0)
+        usual = float(np.exp(np.mean(np.log(off)))) if off else now or 1.0
+        if p.reciprocal is not None:
+            near, far = usual / RIGID_OR_FREE, max(usual * RIGID_OR_FREE, HALF * now)
+            if p.log:
+                ends = max(p.lower, min(near, (now or near) / HALF)), min(p.upper, far)
+                return cls(True, 0.0, 1.0, *(float(x) for x in np.log10(ends)))
+            return cls(False, absent, near, 0.0, float(np.arcsinh(min(p.upper - absent, far) / near)))
+        middle = now or usual
         lower, upper = max(p.lower, absent - HALF * middle), min(p.upper, absent + HALF * middle)
         if p.log:
             lower = max(p.lower, middle / HALF)

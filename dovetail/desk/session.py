@@ -27,6 +27,7 @@ from dovetail.plan import plan_study
 from dovetail.report.words import effect_label
 from dovetail.study import Study, load_study
 from fem.effects.joint import Spread
+from fem.lengths import show_lengths
 from fem.model import Effect, parameter_values
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.places import place_of
@@ -105,6 +106,7 @@ class Desk:
         say = progress or (lambda text, done: None)
         say("reading the study", 0.1)
         study = load_study(path)
+        show_lengths(study.length_unit)
         say("reducing the model", 0.5)
         live = live_model(holding_out(study, ()))
         start = replace(Hypothesis.nominal(live.problem), held_out=held_out_of(study))

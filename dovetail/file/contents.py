@@ -19,6 +19,7 @@ from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
 from fem.declarations import Relevant
 from fem.elements.splitting import split
+from fem.io.deck_units import DeckUnits
 from fem.model import Model
 from updating.inference.parameters import Nuisance
 from updating.measurement.channel_errors import USUAL, ChannelErrors
@@ -38,6 +39,11 @@ class SourceDeck:
 
     file: Path
     units: str | tuple[float, ...] = "SI"
+
+    @property
+    def length(self) -> float:
+        """One unit of length of the deck [m]."""
+        return DeckUnits.of(self.units).length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,6 +179,11 @@ class StudyContents:
     relevant: Relevant = Relevant()  # noqa: RUF009 - frozen
     channel_errors: ChannelErrors = USUAL
     source: SourceDeck | None = None
+
+    @property
+    def length_unit(self) -> float:
+        """One unit of length of its deck [m]; 1 for a study that was not made of one."""
+        return 1.0 if self.source is None else self.source.length
 
     @property
     def has_baseline(self) -> bool:

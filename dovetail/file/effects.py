@@ -113,7 +113,7 @@ def _values_in(t: StudyTable, effect: Effect) -> dict[str, float]:
     for key, (form, p) in _forms(effect).items():
         if key in t:
             with t.at(key):
-                values[p.name] = _own_value(form, p, t.number(key), values)
+                values[p.name] = _own_value(form, p, t.number(key, infinite=form is not p), values)
     return values
 
 
@@ -262,5 +262,12 @@ def _instruments(model: Model, sensors: Sequence[Sensor], excitations: Sequence[
 
 
 def written_values(effect: Effect) -> dict[str, float]:
-    """Return an effect's values as a study file holds them: no quantity is what rounding leaves of zero."""
-    return {p.name: rounded_or_zero(float(p.value)) for p in effect.parameters()}
+    """Return an effect's values as a study file holds them: 0 for what rounding leaves of zero.
+
+    Rounding is relative to 1 in a number without unit, and else to the largest value of the effect in the
+    same unit.
+    """
+    sizes = {"-": 1.0}
+    for p in effect.parameters():
+        sizes[p.unit] = max(sizes.get(p.unit, 0.0), abs(float(p.value)))
+    return {p.name: rounded_or_zero(float(p.value), sizes[p.unit]) for p in effect.parameters()}

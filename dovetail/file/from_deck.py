@@ -307,7 +307,7 @@ def _section(s: Section) -> Values:
     if s.shape:
         shape = Section.of_shape(s.shape, **s.dimensions)
         if np.allclose([getattr(s, k) for k in keys], [getattr(shape, k) for k in keys], rtol=1e-13, atol=0):
-            return {"shape": s.shape, **{k: v for k, v in s.dimensions.items() if v or k != "nu"}}
+            return {"shape": s.shape, **s.dimensions}
     out = {k: getattr(s, k) for k in keys}
     if abs(s.Ip - s.Iy - s.Iz) <= 1e-13 * s.Ip:
         del out["Ip"]

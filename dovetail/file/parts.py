@@ -70,12 +70,15 @@ def read_sections(top: StudyTable, folder: Path, notes: list[str]) -> Sections:
             t.refuse("file", f"there is no file '{path}'")
         with t.at("file"):
             rows = section_rows(path, notes)
-    written = {name: read_section(t.table(name), name) for name in t.values if name != "file" or not rows}
+    written = {name: t.table(name) for name in t.values if name != "file" or not rows}
     return Sections(written, rows, read_section)
 
 
-def read_section(t: StudyTable, label: str = "") -> Section:
-    """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz, which go before it."""
+def read_section(t: StudyTable, label: str, nu: float) -> Section:
+    """Read a section: a shape with its dimensions, or A, Iy, Iz, J, ky, kz, which go before it.
+
+    Its shear coefficients are those for Poisson's ratio ``nu``, unless the table states another.
+    """
     shape = t.text("shape", "", (*SHAPES, "polygon"))
     constants = ("A", "Iy", "Iz", "J")
     if not shape:
@@ -95,15 +98,17 @@ def read_section(t: StudyTable, label: str = "") -> Section:
         t.finish()
         return section
     if shape == "polygon":
-        section = _polygon(t, label)
+        section = _polygon(t, label, nu)
     else:
         sizes: dict[str, float] = {
             key: t.integer(key, least=3) if key == "n" else t.number(key, above=0, unit="m")
             for key in SHAPES[shape]
         }
         for key in OPTIONS.get(shape, ()):
-            if key in t:
-                sizes[key] = t.number(key) if key == "nu" else t.number(key, least=0, unit="m")
+            if key == "nu":
+                sizes[key] = t.number(key, nu)
+            elif key in t:
+                sizes[key] = t.number(key, least=0, unit="m")
         with t.at():
             section = Section.of_shape(shape, **sizes)
     given = {key: _constant(t, key) for key in constants if key in t}
@@ -123,7 +128,7 @@ def read_section(t: StudyTable, label: str = "") -> Section:
     return section
 
 
-def _polygon(t: StudyTable, label: str) -> Section:
+def _polygon(t: StudyTable, label: str, nu: float) -> Section:
     """Read an outline with holes: J, ky and kz as given, or by finite elements where J is not."""
     outlines = [t.get("outer"), *t.get("holes", [])]
     for key in ("A", "Iy", "Iz"):
@@ -141,7 +146,7 @@ def _polygon(t: StudyTable, label: str) -> Section:
             return Section.polygon(outer, holes, J=_constant(t, "J"), ky=ky, kz=kz, label=label or "polygon")
         if "ky" in t or "kz" in t:
             t.refuse("", "the polygon has ky or kz but no J; give J too, or none of them")
-        return Section.arbitrary(outer, holes, nu=t.number("nu", 0.0), label=label or "arbitrary section")
+        return Section.arbitrary(outer, holes, nu=t.number("nu", nu), label=label or "arbitrary section")
 
 
 def _constant(t: StudyTable, key: str) -> float:
@@ -188,7 +193,7 @@ def read_members(
     mesh: Mesh,
     inline: bool,
     materials: Mapping[str, Material],
-    sections: Mapping[str, Section],
+    sections: Sections,
 ) -> tuple[
     dict[str, MemberProperties], dict[str, tuple[float | None, int | None]], tuple[DistributedMass, ...]
 ]:
@@ -227,6 +232,7 @@ def read_members(
             layers.append(DistributedMass.over(mesh, name, out[name], mass))
     for table in (*tables.values(), defaults):
         table.finish()
+    sections.check_unused()
     return out, sizes, tuple(layers)
 
 
@@ -235,7 +241,7 @@ def _properties(
     member_table: StudyTable,
     name: str,
     materials: Mapping[str, Material],
-    sections: Mapping[str, Section],
+    sections: Sections,
 ) -> MemberProperties:
     """Read a member's properties, each from the first table of its chain that has it."""
 
@@ -252,11 +258,12 @@ def _properties(
         if len(materials) != 1:
             refuse_without("material", materials)
         (material,) = materials.values()
-    section = read("section", lambda t: _section(t, "section", sections), None)
+    section = read("section", lambda t: _section(t, "section", sections, material.nu), None)
     if section is None:
         if len(sections) != 1:
             refuse_without("section", sections)
-        (section,) = sections.values()
+        (only,) = sections
+        section = sections.section(only, material.nu)
     zero = np.zeros(3)
     orientation = read("orientation", lambda t: t.direction("orientation"), None)
     with member_table.at():
@@ -269,7 +276,7 @@ def _properties(
             read("rigid1", lambda t: t.number("rigid1", least=0, unit="m"), 0.0),
             read("rigid2", lambda t: t.number("rigid2", least=0, unit="m"), 0.0),
             read("theory", lambda t: t.text("theory", choices=THEORIES), "timoshenko"),
-            section2=read("section2", lambda t: _section(t, "section2", sections), None),
+            section2=read("section2", lambda t: _section(t, "section2", sections, material.nu), None),
             mass=read("mass", lambda t: t.text("mass", choices=MASSES), "consistent"),
             release1=read("release1", lambda t: t.directions("release1"), ()),
             release2=read("release2", lambda t: t.directions("release2"), ()),
@@ -297,10 +304,12 @@ def _named(t: StudyTable, key: str, known: Mapping[str, Any], what: str = "") ->
     return known[name]
 
 
-def _section(t: StudyTable, key: str, sections: Mapping[str, Section]) -> Section:
+def _section(t: StudyTable, key: str, sections: Sections, nu: float) -> Section:
     if isinstance(t.values[key], dict):
-        return read_section(t.table(key))
-    return _named(t, key, sections, "section")
+        return read_section(t.table(key), "", nu)
+    name = t.text(key)
+    _named(t, key, sections, "section")
+    return sections.section(name, nu)
 
 
 def _element_size(chain: Sequence[StudyTable]) -> tuple[float | None, int | None]:

@@ -27,40 +27,49 @@ POWERS = {
 }
 """Columns of numbers, and the power of a length that each has."""
 
-Reader = Callable[[StudyTable, str], Section]
+Reader = Callable[[StudyTable, str, float], Section]
+"""Makes a section of a table, a name, and Poisson's ratio where the table has none."""
 
 _UNIT = re.compile(r"[\[(]\s*([a-z]+)(?:\s*\^)?(?:\s*([234²³⁴]))?\s*[\])]\s*$")
 _SUPERSCRIPTS = {"²": 2, "³": 3, "⁴": 4, "": 1}
 
 
 @dataclass(frozen=True, slots=True)
-class Sections(Mapping[str, Section]):
-    """Sections by name; a row of a table is read when a member asks for it.
+class Sections(Mapping[str, StudyTable]):
+    """Tables of sections by name; one is read when a member asks for it, for the material of that member.
 
     Attributes
     ----------
-    given : mapping of str to Section
+    given : mapping of str to StudyTable
         Those of the study's ``[sections.NAME]``.
-    rows : mapping of str to Table
+    rows : mapping of str to StudyTable
         Those of its table.
     read : callable
-        Makes a section of a row and a name.
+        Makes a section of a table.
     """
 
-    given: Mapping[str, Section]
+    given: Mapping[str, StudyTable]
     rows: Mapping[str, StudyTable]
     read: Reader
-    _known: dict[str, Section] = field(default_factory=dict)
+    _known: dict[tuple[str, float], Section] = field(default_factory=dict)
 
-    def __getitem__(self, name: str) -> Section:
+    def section(self, name: str, nu: float) -> Section:
+        """Return a section, with the shear coefficients for Poisson's ratio ``nu`` unless it states one."""
+        if (name, nu) not in self._known:
+            self._known[name, nu] = self.read(self[name], name, nu)
+        return self._known[name, nu]
+
+    def check_unused(self) -> None:
+        """Read the study's sections that no member has, for their errors."""
+        used = {name for name, _ in self._known}
+        for name in self.given:
+            if name not in used:
+                self.section(name, 0.0)
+
+    def __getitem__(self, name: str) -> StudyTable:
+        """Return the table of a name, however it is spelt: of the study, else of the rolled shapes."""
         if name in self.given:
             return self.given[name]
-        if name not in self._known:
-            self._known[name] = self.read(self._row(name), name)
-        return self._known[name]
-
-    def _row(self, name: str) -> StudyTable:
-        """Return the row of a name, however it is spelt: of the study's table, or of the rolled shapes."""
         if name in self.rows:
             return self.rows[name]
         short = short_name(name)
@@ -69,7 +78,7 @@ class Sections(Mapping[str, Section]):
 
     def __contains__(self, name: object) -> bool:
         try:
-            return name in self.given or bool(self._row(str(name)))
+            return bool(self[str(name)])
         except KeyError:
             return False
 

@@ -168,15 +168,20 @@ class StudyTable:
         above: float | None = None,
         least: float | None = None,
         unit: str = "",
+        infinite: bool = False,
     ) -> float:
-        """Return a finite number, above or at least a bound."""
+        """Return a number, above or at least a bound; ``inf`` only where it may be ``infinite``."""
         value = self.get(key, default, (above or least or 0.0) + 1.0)
         if value is default and default is not MISSING:
             return value
         words = f"a number {f'above {above:g}' if above is not None else ''}"
         words = f"a number of at least {least:g}" if least is not None else words.strip()
-        words = {"a number above 0": "a positive number"}.get(words, words) + (f" [{unit}]" if unit else "")
-        ok = _is_number(value) and (above is None or value > above) and (least is None or value >= least)
+        words = {"a number above 0": "a positive number"}.get(words, words)
+        if isinstance(value, float) and not np.isfinite(value):
+            words = words.replace("a ", "a finite ", 1)
+        words += f" [{unit}]" if unit else ""
+        ok = _is_number(value) or (infinite and value == np.inf)
+        ok = ok and (above is None or value > above) and (least is None or value >= least)
         if not ok:
             self.refuse(key, f"{_shown(value)} is not allowed; {words} is needed")
         return float(value)

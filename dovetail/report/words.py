@@ -9,6 +9,7 @@ import numpy as np
 
 from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, axis_text, by_frfs
 from fem.declarations import Site
+from fem.lengths import coordinates_text, shown_length
 from fem.model import DIRECTIONS, Effect, Model, Parameter, inverse, reciprocal_form
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
@@ -78,6 +79,9 @@ def with_unit(value: float, unit: str, std: float = math.nan, like: float | None
     if not math.isfinite(value):
         return number(value)
     factor, prefix = 1.0, ""
+    if unit == "m":
+        shown, unit = shown_length(1.0)
+        factor = 1.0 / shown
     if unit[:1] == "N" or unit == "Pa":
         size = abs(value if like is None else like)
         factor, prefix = next(((f, p) for f, p in _PREFIXES if size >= f), (1.0, ""))
@@ -206,8 +210,8 @@ def spot_text(effect: Effect, model: Model) -> str:
     near = {n: float(np.linalg.norm(mesh.points[k] - place)) for n, k in mesh.point_names.items()}
     name = min(near, key=near.__getitem__, default="")
     named = name and near[name] <= 1e-6 * float(np.ptp(mesh.points, axis=0).max())
-    at = ", ".join(f"{x:.4g}" for x in np.round(place, 6) + 0.0).replace("-", "−")
-    text = f"at {name}, ({at}) m" if named else f"at ({at}) m"
+    at = coordinates_text(place)
+    text = f"at {name}, {at}" if named else f"at {at}"
     axis = turning_axis(effect, model)
     return text if axis is None else f"{text}, about global {axis_text(axis).lstrip('+−')}"
 

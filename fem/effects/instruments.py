@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.places import AtPoint, typical_mass, typical_stiffness
 from fem.elements.frame import Frame
+from fem.lengths import length_text
 from fem.model import Contribution, Effect, Model, Parameter, dofs_of, refuse_negative
 
 
@@ -226,5 +227,5 @@ def place_name(model: Model, point: int) -> str:
     for member in model.mesh.members:
         at = np.flatnonzero(model.mesh.member_points(member) == point)
         if at.size:
-            return f"member {member} at {model.mesh.member_positions(member)[at[0]]:.3f} m"
+            return f"member {member} at {length_text(model.mesh.member_positions(member)[at[0]])}"
     return f"point {point}"

@@ -83,6 +83,11 @@ def test_every_kind_comes_back_from_a_study_file(tmp_path):
     assert names.isdisjoint({e.name for e in again.model.effects})
 
 
+def test_an_infinite_stiffness_is_rigid(tmp_path):
+    study = loaded(tmp_path, f'{STUDY}\n[[effects]]\ncandidate = "crack:post.ry"\nstiffness = inf\n')
+    assert study.model.effect("known crack:post.ry").parameters()[0].value == 0.0
+
+
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
@@ -94,6 +99,9 @@ def test_every_kind_comes_back_from_a_study_file(tmp_path):
         ('candidate = "member_density:post"\nchange = -3', "change: -3 is not between -"),
         ('candidate = "crack:post.ry"\ndepth = 1', "depth: unknown key"),
         ('candidate = "crack:post.ry"\nname = "frame"', "two effects 'frame'"),
+        ('candidate = "member_density:post"\nchange = inf', "change: inf is not allowed; a finite number"),
+        ('candidate = "crack:post.ry"\ncompliance = inf', "compliance: inf is not allowed; a finite number"),
+        ('candidate = "crack:post.ry"\nstiffness = nan', "stiffness: nan is not allowed; a finite number"),
         ("compliance = 1", "candidate"),
     ],
 )

@@ -125,6 +125,15 @@ def test_a_study_that_was_found_has_seven_digits_and_its_form_in_one_table(tmp_p
     assert {name.partition(":")[0] for name in values["fitted_form"]} == {"zone_form", "driver_form"}
 
 
+def test_what_rounding_leaves_of_a_form_is_zero(tmp_path):
+    study = loaded(tmp_path, JOINTED)
+    bent = one_of_each(study)["section_form"].with_values(Iy=0.01, Iz=-1.8e-23)
+    result, *_ = reported(study, [bent], tmp_path)
+    (form,) = tomllib.loads(found_text(result, tmp_path))["fitted_form"].values()
+    assert form["Iy"] == pytest.approx(0.01, rel=0.1)
+    assert form["Iz"] == 0.0
+
+
 def test_the_nominal_damping_of_a_fit_is_that_of_the_model(tmp_path):
     """A nominal curve is the model's at every line, not only at the knots."""
     table = "modal = { frequency = [20, 90], ratio = [1e-3, 9e-3] }"

@@ -13,7 +13,9 @@ import pytest
 
 from dovetail.commands.diagnosis_words import found_lines
 from dovetail.found import found_text
+from dovetail.modes_pipeline import modes_in_frfs
 from dovetail.notebook.diagnosis import StudyDiagnosis
+from dovetail.pipeline import modes_of
 from dovetail.report import (
     Album,
     Markup,
@@ -40,6 +42,7 @@ from tests.frames import STUDY, cross_beam, portal
 from tests.studies import study_from
 from updating import EffectParameter, Fault, Finding, propose
 from updating.diagnosis import NOWHERE, Departure
+from updating.diagnosis.frf_modes import identified_in
 from updating.inference import FORM_SECTION, FORM_ZONE
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
@@ -667,3 +670,11 @@ def test_modes_in_the_frfs_stand_beside_the_models_where_none_were_given(found, 
     page = report_html(found, album)
     assert "these modes were identified in the FRFs" in page
     assert "CoMAC of each sensor" in page
+
+
+def test_modes_that_the_diagnosis_identified_are_not_identified_again(found, monkeypatch):
+    known = replace(found.diagnosis, identified=identified_in(found.diagnosis.problem))
+    monkeypatch.setattr("updating.diagnosis.frf_modes.identify_modes", None)
+    nominal, _, reported = modes_of(known)
+    rows = modes_in_frfs(found.study, known, nominal, reported).rows()
+    assert rows == found.identified.rows()

@@ -125,6 +125,54 @@ def test_channels_and_angles_of_aisc(tmp_path):
         section(tmp_path, "2L8X8X1", 'sections = "aisc.csv"')
 
 
+@pytest.mark.parametrize(
+    ("section", "expected"),
+    [
+        ("'pipe'", Section.tube(0.05, 0.002, nu=0.4)),
+        ("{ shape = 'tube', d = 0.05, t = 0.002 }", Section.tube(0.05, 0.002, nu=0.4)),
+        ("{ shape = 'tube', d = 0.05, t = 0.002, nu = 0.1 }", Section.tube(0.05, 0.002, nu=0.1)),
+        ("'IPE 200'", Section.i_section(0.1, 0.2, 0.0085, 0.0056, 0.012, nu=0.4)),
+    ],
+)
+def test_a_sections_nu_is_its_materials_unless_it_states_one(tmp_path, section, expected):
+    text = STUDY.format(top="", section=f"section = {section}\nmaterial = 'lead'", more="")
+    text += """
+[sections.pipe]
+shape = "tube"
+d = 0.05
+t = 0.002
+
+[materials.lead]
+E = 16e9
+rho = 11340.0
+nu = 0.4
+"""
+    found = read_study(text, tmp_path / "study.toml").model.of_kind(Frame)[0].members["mast"].section
+    assert (found.ky, found.kz) == pytest.approx((expected.ky, expected.kz), rel=1e-12)
+
+
+def test_two_members_of_one_section_have_the_nu_of_their_materials(tmp_path):
+    text = (
+        STUDY.format(top="", section="section = 'pipe'\nmaterial = 'lead'", more="")
+        .replace(
+            "[members.mast]",
+            "[members.top]\nfrom = 'B'\nto = 'C'\nsection = 'pipe'\nmaterial = 'steel'\n\n[members.mast]",
+        )
+        .replace("B = [0, 0, 2]", "B = [0, 0, 2]\nC = [0, 0, 3]")
+    )
+    text += "[sections.pipe]\nshape = 'tube'\nd = 0.05\nt = 0.002\n"
+    text += "[materials.lead]\nE = 16e9\nrho = 11340.0\nnu = 0.4\n"
+    members = read_study(text, tmp_path / "study.toml").model.of_kind(Frame)[0].members
+    expected = {"mast": Section.tube(0.05, 0.002, nu=0.4).ky, "top": Section.tube(0.05, 0.002, nu=0.3).ky}
+    assert {k: p.section.ky for k, p in members.items()} == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_section_that_no_member_has_is_read_for_its_errors(tmp_path):
+    more = "[sections.pipe]\nshape = 'tube'\nd = -0.05\nt = 0.002\n"
+    with pytest.raises(StudyError, match=r"sections.pipe.d: -0.05 is not allowed"):
+        section(tmp_path, "IPE 200", more=more)
+
+
 def test_the_only_section_is_the_default(tmp_path):
     (tmp_path / "own.csv").write_text("name,shape,d\nrod,circle,0.02\n", encoding="utf-8")
     assert section(tmp_path, top='sections = "own.csv"').label

@@ -1,11 +1,17 @@
 """``dovetail new`` names the units of a deck that its materials or the test's geometry look like."""
 
+import re
+
 import numpy as np
 import pytest
 
 from dovetail import main
+from dovetail.report import words
 from fem import FRF
+from fem.declarations import Site
 from fem.io import Points, write_uff
+from fem.lengths import coordinates_text, metres_afterwards, show_lengths
+from tests.frames import STUDY
 
 PLACES = np.array([[0, 0, 0], [1000, 0, 0], [1000, 700, 0], [0, 700, 400]], dtype=float)
 
@@ -64,3 +70,30 @@ def test_a_test_that_fits_nowhere_names_the_units_of_the_deck(tmp_path, capsys, 
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1
+
+
+def test_places_have_the_unit_of_the_deck(tmp_path, capsys):
+    """And metres again once the command has ended."""
+    text = STUDY + '\n[source]\nfile = "frame.bdf"\nunits = "mm-t-s"\n'
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    assert main(["candidates", str(tmp_path / "study.toml"), "--kind", "point_mass", "--kind", "crack"]) == 0
+    places = re.findall(r"member arm at (\S+ \w+)", capsys.readouterr().out)
+    assert set(places) == {"200 mm"}
+    assert Site("member arm", 0.2) == "member arm at 0.200 m"
+
+
+@pytest.mark.parametrize(
+    ("size", "along", "at", "value"),
+    [
+        (1.0, "0.600 m", "(0.45, 0, −0.8) m", "0.600 ± 0.020 m"),
+        (1e-3, "600 mm", "(450, 0, −800) mm", "600 ± 20 mm"),
+        (0.0254, "23.6 in", "(17.72, 0, −31.5) in", "23.62 ± 0.79 in"),
+        (1.2, "0.600 m", "(0.45, 0, −0.8) m", "0.600 ± 0.020 m"),
+    ],
+)
+def test_lengths_are_as_exact_in_each_unit(size, along, at, value):
+    with metres_afterwards():
+        show_lengths(size)
+        assert Site("member arm", 0.6).at == along
+        assert coordinates_text([0.45, -1e-12, -0.8]) == at
+        assert words.with_unit(0.6, "m", 0.02).replace("\u00a0", " ") == value

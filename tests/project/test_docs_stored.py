@@ -88,8 +88,8 @@ def test_a_command_runs_again_only_when_an_input_has_changed(tmp_path, store, pr
 
     def built():
         before = log.read_text()
-        page = pages.expand(text, tmp_path / "page.md", tmp_path, store)
-        return page.splitlines()[4], log.read_text().removeprefix(before)
+        page = pages.generate(text, "page.md", tmp_path, store).text
+        return page.splitlines()[3], log.read_text().removeprefix(before)
 
     assert built() == ("6", "ab")
     assert built() == ("6", "")

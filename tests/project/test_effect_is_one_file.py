@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from docs.make.effects import BLOCK, PAGES, TABLES, candidates, with_tables
+from docs.make import pages
+from docs.make.effects import TABLES, candidates
 from fem import Entry
 from fem.effects import candidate_kinds, effect_classes
 from fem.model import Effect
@@ -187,18 +188,19 @@ def test_the_folders_of_effects_are_read_once(monkeypatch):
     assert effect_classes() == known
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_docs_hold_the_tables_that_the_effects_declare(page):
-    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
-    assert BLOCK.search(text)
-    assert with_tables(text) == text, "run python -m docs.make.effects"
+def tables():
+    """Return the tables of effects in the pages, by name."""
+    texts = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))]
+    return [m for text in texts for m in pages.MARK.finditer(text) if m[1] == "effects"]
+
+
+def test_docs_hold_the_tables_that_the_effects_declare():
+    for match in tables():
+        assert pages.generate(match[0], "page.md", ROOT).text == match[0], "run python -m docs.make"
 
 
 def test_every_table_is_on_one_page():
-    found = [
-        m[2] for page in PAGES for m in BLOCK.finditer((ROOT / "docs" / page).read_text(encoding="utf-8"))
-    ]
-    assert sorted(found) == sorted(TABLES)
+    assert sorted(m[2] for m in tables()) == sorted(TABLES)
 
 
 def test_a_candidate_without_a_row_is_refused(monkeypatch):
@@ -208,9 +210,8 @@ def test_a_candidate_without_a_row_is_refused(monkeypatch):
 
 
 def test_a_changed_row_shows_in_the_page(monkeypatch):
-    text = (ROOT / "docs" / "result.md").read_text(encoding="utf-8")
     monkeypatch.setattr(effect_classes()["crack"], "entry", Entry("`compliance` [-]", "a slit", "anywhere"))
-    assert "| `crack` | `compliance` [-] | a slit |" in with_tables(text)
+    assert "| `crack` | `compliance` [-] | a slit |" in pages.effects_table("parameters")
 
 
 def test_what_an_effect_answers_is_listed_for_its_writer():

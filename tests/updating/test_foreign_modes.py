@@ -10,6 +10,7 @@ from benchmarks.hidden.cases import make_case
 from fem import FRF, assemble, first_modes
 from updating import build_problem, sensor_rows
 from updating.diagnosis.foreign_modes import ForeignMode, foreign_modes, note_of
+from updating.diagnosis.frf_modes import identified_in
 from updating.measurement.held_out import band_of
 
 ZETA, BAND = 0.004, (20.0, 500.0)
@@ -34,25 +35,29 @@ def with_resonance(case, modes, frequency):
     return replace(case, measurement=m.with_frf(other))
 
 
+def found_in(problem, modes):
+    return foreign_modes(problem, modes, identified_in(problem))
+
+
 def test_a_resonance_of_a_fixture_is_found_with_its_band(lap):
     case, modes = lap
     f = modes.frequency[modes.n_rigid :]
     between = float(np.sqrt(f[1] * f[2]))
     case = with_resonance(case, modes, between)
     problem = build_problem(case.model, case.measurement, case.nuisances, band=BAND)
-    (found,) = foreign_modes(problem, modes)
+    (found,) = found_in(problem, modes)
     assert found.frequency == pytest.approx(between, rel=2e-3)
     assert found.low < between < found.high
     assert found.high - found.low == pytest.approx(12 * ZETA * between, rel=0.3)
     assert f"{found.frequency:.0f} Hz: no mode of the model" in note_of([found])
     known = replace(problem.data.measurement, held_out=((found.low, found.high),))
-    assert not foreign_modes(replace(problem, data=replace(problem.data, measurement=known)), modes)
+    assert not found_in(replace(problem, data=replace(problem.data, measurement=known)), modes)
 
 
 def test_a_test_of_the_structure_alone_has_no_foreign_resonance(lap):
     case, modes = lap
     problem = build_problem(case.model, case.measurement, case.nuisances, band=BAND)
-    assert not foreign_modes(problem, modes)
+    assert not found_in(problem, modes)
 
 
 @pytest.mark.parametrize(
@@ -79,7 +84,7 @@ def test_a_broad_resonance_begins_at_the_first_line(lap, monkeypatch):
     case = with_resonance(case, modes, between)
     problem = build_problem(case.model, case.measurement, case.nuisances, band=BAND)
     monkeypatch.setattr("updating.diagnosis.foreign_modes.HALF_POWER_WIDTHS", 1e3)
-    (found,) = foreign_modes(problem, modes)
+    (found,) = found_in(problem, modes)
     assert found.low == problem.measured.frequency[0]
 
 
@@ -89,4 +94,4 @@ def test_ratios_to_a_reference_sensor_have_no_foreign_resonance(lap, monkeypatch
     case = with_resonance(case, modes, float(np.sqrt(f[1] * f[2])))
     problem = build_problem(case.model, case.measurement, case.nuisances, band=BAND)
     monkeypatch.setattr(type(case.measurement), "has_structure_poles", False)
-    assert not foreign_modes(problem, modes)
+    assert not found_in(problem, modes)

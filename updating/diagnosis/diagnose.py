@@ -41,6 +41,7 @@ from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, parameters_of, step_added, step_of
 from updating.diagnosis.fitted_modes import damped_modes
 from updating.diagnosis.foreign_modes import foreign_modes, note_of
+from updating.diagnosis.frf_modes import identified_in
 from updating.diagnosis.frf_states import ONE_STRUCTURE, changed_frf_problem, search_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
@@ -263,8 +264,12 @@ def _concluded(done: Searched[FitProblem], gates: Gates, model_error: float, *, 
     verdict, reason = _verdict(out, done, gates)
     if verdict == UNEXPLAINED:
         up_to = BEYOND_BAND * float(problem.data.frequency[-1])
-        foreign = foreign_modes(problem, damped_modes(out.model, problem.damping, current.zeta, up_to))
-        out = replace(out, notes=(*out.notes, note_of(foreign)) if foreign else out.notes)
+        measured = identified_in(problem)
+        modes = damped_modes(out.model, problem.damping, current.zeta, up_to)
+        foreign = foreign_modes(problem, modes, measured)
+        out = replace(
+            out, identified=measured, notes=(*out.notes, note_of(foreign)) if foreign else out.notes
+        )
     return replace(out, verdict=verdict, reason=reason)
 
 

@@ -10,6 +10,7 @@ from fem.model import Model
 from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
 from updating.diagnosis.carried import CalibratedFrfs
+from updating.diagnosis.frf_modes import FrfModes
 from updating.diagnosis.verdict import (
     CALIBRATED,
     EFFECT,
@@ -51,6 +52,8 @@ class Diagnosis(Verdict):
         Residual level that noise and the mesh leave [nepers].
     gates : Gates or None
         What was checked of the measurement before effects were searched for.
+    identified : FrfModes or None
+        Modes in the compared FRFs, where the diagnosis needed them.
     """
 
     problem: FitProblem
@@ -61,6 +64,7 @@ class Diagnosis(Verdict):
     limit: float
     noise_limit: float
     gates: Gates | None = None
+    identified: FrfModes | None = None
 
     def __repr__(self) -> str:
         """Return verdict, reason and staircase of the error on one line."""

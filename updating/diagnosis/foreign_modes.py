@@ -1,7 +1,6 @@
 """Resonances in measured FRFs that no mode of a model has, such as those of a fixture."""
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,10 +9,10 @@ import scipy
 
 from fem.analysis.modes import Modes
 from updating.correlation import mac
+from updating.diagnosis.frf_modes import FrfModes
 from updating.inference.fit import FitProblem
 from updating.measurement.held_out import band_text
 from updating.measurement.measurement import sensor_rows
-from updating.modal.identification import IdentificationError, identify_modes
 
 SAME_SHAPE = 0.5
 """Least MAC of a measured and a computed mode that count as the same one [-]."""
@@ -38,31 +37,23 @@ class ForeignMode:
     high: float
 
 
-def foreign_modes(problem: FitProblem, modes: Modes) -> tuple[ForeignMode, ...]:
+def foreign_modes(problem: FitProblem, modes: Modes, measured: FrfModes | None) -> tuple[ForeignMode, ...]:
     """Return measured resonances that no mode of a model has, in order of frequency.
 
-    Modes that are identified in the FRFs, corrected for faults, are paired with the model's by shape and
-    frequency. Two within each other's half-power width are one resonance. Those in a held-out band are known.
-    Empty where the FRFs lack phase or the poles of the structure, as those over a reference sensor do.
+    Measured modes are paired with the model's by shape and frequency. Two within each other's half-power
+    width are one resonance. Those in a held-out band are known. Empty for fewer than two sensors.
 
     Parameters
     ----------
     problem : FitProblem
     modes : Modes
         Of the fitted model.
+    measured : FrfModes or None
+        In the FRFs of the problem; None where they have none.
     """
-    m, frf = problem.data.measurement, problem.measured
-    channels, H = m.sensors, frf.H
-    if len(m.excitations) > len(channels):  # by reciprocity, forces are responses to one at the sensor
-        channels, H = m.excitations, frf.H.transpose(0, 2, 1)
-    if len(channels) < 2 or not m.has_structure_poles or not frf.has_phase:
+    if measured is None or len(measured.measurement.sensors) < 2:
         return ()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # unscaled shapes suffice
-        try:
-            found = identify_modes(frf.frequency, H, kind=frf.kind).modes
-        except IdentificationError:
-            return ()
+    channels, found = measured.measurement.sensors, measured.found.modes
     elastic = np.arange(modes.n_rigid, modes.n_modes)
     shapes = np.real(sensor_rows(problem.reduced.model, channels) @ modes.shapes[:, elastic])
     alike = mac(found.shapes, shapes) if elastic.size else np.zeros((len(found.frequency), 0))
@@ -74,9 +65,9 @@ def foreign_modes(problem: FitProblem, modes: Modes) -> tuple[ForeignMode, ...]:
     out = list[ForeignMode]()
     for k, f in enumerate(found.frequency.tolist()):
         known = any(abs(f - found.frequency[i]) <= max(width[k], width[i]) for i in paired)
-        if known or any(low <= f <= high for low, high in m.held_out):
+        if known or any(low <= f <= high for low, high in problem.data.measurement.held_out):
             continue
-        low = max(f - HALF_POWER_WIDTHS * width[k], frf.frequency[0])
+        low = max(f - HALF_POWER_WIDTHS * width[k], problem.data.frequency[0])
         high = f + HALF_POWER_WIDTHS * width[k]
         if out and low <= out[-1].high:
             low, high, f = out[-1].low, max(high, out[-1].high), out.pop().frequency

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.modes import first_modes
+from fem.lengths import coordinates_text
 from fem.model import Model
 from fem.system import assemble
 from updating.correlation import pair_modes
@@ -74,9 +75,9 @@ def _shape(
     b = b * ((a @ b) / (b @ b))
     largest = float(np.abs(a).max())
     k = int(np.argmax(np.abs(a - b)))
-    x, y, z = model.mesh.points[k // 6]
+    place = coordinates_text(model.mesh.points[k // 6])
     size = float(np.abs(a - b)[k]) / largest / SHAPE_STD
     return size, (
-        f"the shape at {frequency:.4g} Hz, along {'xyz'[k % 6]} at ({x:.3g}, {y:.3g}, {z:.3g}) m, where it "
+        f"the shape at {frequency:.4g} Hz, along {'xyz'[k % 6]} at {place}, where it "
         f"differs by {100 * size * SHAPE_STD:.0f} % of its largest value"
     )

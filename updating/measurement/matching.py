@@ -101,7 +101,7 @@ class GeometryMatch:
         return (
             ("not turned" if angle < 0.05 else f"turned {angle:.1f}° about ({about})")
             + f", moved by ({moved}) m, {len(self.pairs)} of {len(self.points)} points matched, "
-            f"rms {self.rms:.2g} m"
+            f"rms {round(self.rms, 6):.2g} m"
         )
 
 

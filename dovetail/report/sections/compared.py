@@ -7,6 +7,7 @@ from dovetail.report.blocks import Details, Facts, ReportSection, TableBlock
 from dovetail.report.drawn import held_out_bands
 from dovetail.report.shown import Shown
 from dovetail.result import FrfResult, RunResult, by_any, has_frfs
+from fem.lengths import shown_length
 from fem.mesh import Mesh
 from fem.summary import counted
 from updating.diagnosis.verdict import Verdict
@@ -117,11 +118,11 @@ def _counted(data: FitData, model_error: float) -> str:
 
 
 def _sensor_places(result: FrfResult) -> TableBlock:
-    rows = []
+    rows, (size, unit) = [], shown_length(1.0)
     for word, sensors in (("sensor", result.study.sensors), ("excitation", result.study.excitations)):
         for s in sensors:
             kind = word if s.quantity == MOTION else f"{word} ({s.quantity})"
             along = " ".join(f"{x:g}" for x in np.round(s.direction, 4) + 0.0)
-            rows.append([s.name, kind, *(f"{x:.4g}" for x in s.point), along])
-    head = ["name", "kind", "x [m]", "y [m]", "z [m]", "direction"]
+            rows.append([s.name, kind, *(f"{size * x:.4g}" for x in s.point), along])
+    head = ["name", "kind", *(f"{axis} [{unit}]" for axis in "xyz"), "direction"]
     return TableBlock(head, rows, numbers=(2, 3, 4), at_most=1000)

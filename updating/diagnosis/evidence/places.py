@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.lengths import length_text
 from fem.model import Contribution, Effect, Model, parameter_values
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.problem import Problem
@@ -86,7 +87,7 @@ def places_of(problem: Problem[Any], candidates: Iterable[Effect]) -> tuple[Plac
             found.setdefault(name, (kind, name, []))[2].append(effect)
             continue
         for s in (np.arange(ALONG) + 0.5) / ALONG * mesh.member_length(member):
-            at = f"{name} at {s:.3f} m"
+            at = f"{name} at {length_text(s)}"
             inside = float(np.clip(s, span.lower, span.upper))
             found.setdefault(at, ("point", name, []))[2].append(effect.with_values(**{span.name: inside}))
     return tuple(Place(kind, at, name, tuple(effects)) for at, (kind, name, effects) in found.items())
