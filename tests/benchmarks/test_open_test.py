@@ -182,6 +182,22 @@ def test_answers_are_judged(cases, tmp_path, said, unexplained, outcome, sure_an
     assert (judged.outcome, judged.sure_and_wrong) == (outcome, sure_and_wrong)
 
 
+@pytest.mark.parametrize(
+    ("truth", "outcome", "score"),
+    [
+        ({"effects": [], "outside": [{"what": "spring between two members"}]}, RIGHT, np.log(0.9 * 0.25 + 0.1 * 0.2)),
+        ({"effects": []}, WRONG, np.log(0.1 * 0.2)),
+        ({"effects": [FOOT]}, UNKNOWN, np.log((0.9 / 0.8 + 0.1) * 0.35 / 74)),
+    ],
+)
+def test_unexplained_is_right_where_no_kind_describes_the_truth(cases, tmp_path, truth, outcome, score):
+    structure = read_structure(cases / "case-001")
+    truth = {"structure": "bracket", "test": "as described"} | truth
+    judged = judge(read_answer(answer(tmp_path, unexplained=0.9), structure), truth, structure)
+    assert judged.outcome == outcome
+    assert judged.log_score == pytest.approx(score, abs=1e-3)
+
+
 def test_being_sure_and_wrong_costs_more_than_not_to_know(cases, tmp_path):
     structure = read_structure(cases / "case-001")
     truth = json.loads((cases / TRUTH).read_text(encoding="utf-8"))["case-001"]
