@@ -159,7 +159,7 @@ HEAD = (
 
 def row(program, judged):
     """Return a line of the table of programs."""
-    n = len(judged)
+    n, seconds = len(judged), [j.cpu_seconds for j in judged if not math.isnan(j.cpu_seconds)]
     count = {o: sum(j.outcome == o for j in judged) for o in OUTCOMES}
     return (
         program,
@@ -171,7 +171,7 @@ def row(program, judged):
         rate(sum(j.sure_and_wrong for j in judged), n),
         f"{sum(j.covered for j in judged)} of {n}",
         f"{mean(j.size for j in judged):.1f}",
-        f"{median(j.cpu_seconds for j in judged):.0f}",
+        f"{median(seconds):.0f}" if seconds else "-",
         str(count[NOT_ENDED]),
     )
 
@@ -181,13 +181,15 @@ def markdown(head, rows):
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)) + "\n"
 
 
-def report(by_program):
+def report(by_program, missing):
     """Return the tables: of programs, of what they name by kind, and of cases that show their effects.
 
-    ``by_program`` has lists of `Judged` by program.
+    ``by_program`` has lists of `Judged` by program, ``missing`` the names of cases without an answer.
     """
     order = sorted(by_program, key=lambda name: -mean(j.log_score for j in by_program[name]))
     text = markdown(HEAD, [row(name, by_program[name]) for name in order])
+    for name in sorted(missing):
+        text += f'\n{name} has not answered {len(missing[name])} cases, which count as "do not know".\n'
     kinds = sorted({k for judged in by_program.values() for j in judged for k in j.kinds})
     rows = []
     for kind in kinds:
