@@ -14,7 +14,7 @@ UNKNOWN = 0.02, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9
 
 
 def tempered(answer, ratio, unknown):
-    """Return an answer whose temperature is multiplied by a ratio, and that does not know by a probability."""
+    """Return an answer with a temperature multiplied by a ratio, and a probability of "do not know"."""
     known = [e for e in answer.explanations if e.probability > 0]
     if not known:
         return answer
