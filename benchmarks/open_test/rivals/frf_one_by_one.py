@@ -121,7 +121,7 @@ class Frfs:
         return -0.5 * (n * np.log(square / n) + k * np.log(n))
 
 
-class Candidate:
+class SizedOption:
     """A candidate, whose matrices (n, n) have a low rank."""
 
     def __init__(self, option, slopes):
@@ -186,7 +186,7 @@ def searched(frfs, candidates, base, until):
 def solve(case):
     """Return the candidates by BIC, one and two at a time."""
     frfs, options, base = Frfs(case), case.options(KINDS), case.reduced.base
-    candidates = [Candidate(o, s) for o, s in zip(options, slopes_of(case.reduced, options), strict=True)]
+    candidates = [SizedOption(o, s) for o, s in zip(options, slopes_of(case.reduced, options), strict=True)]
     single = searched(frfs, candidates, base, 0.6 * case.limit)
     found = {((c.option, float(size), None),): frfs.weight(square, 1) for square, size, c, _ in single}
     frfs.x = np.zeros_like(frfs.x)
