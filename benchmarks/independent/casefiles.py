@@ -32,14 +32,14 @@ def fault(sensor, **magnitude):
     return {"type": "sensor_fault", "location": sensor, "magnitude": magnitude}
 
 
-def with_noise(H, rng):
-    """Return FRFs with noise of `NOISE` of each value and `NOISE_FLOOR_DB` under the peak of each."""
+def with_noise(H, rng, share=NOISE):
+    """Return FRFs with noise of a share of each value and `NOISE_FLOOR_DB` under the peak of each."""
     floor = np.abs(H).max(axis=0) * 10 ** (NOISE_FLOOR_DB / 20)
 
     def noise():
         return (rng.standard_normal(H.shape) + 1j * rng.standard_normal(H.shape)) / np.sqrt(2)
 
-    return H * (1 + NOISE * noise()) + floor * noise()
+    return H * (1 + share * noise()) + floor * noise()
 
 
 def write_nominal(target, nominal):

@@ -1,8 +1,9 @@
-"""The open test of missing physics: python -m benchmarks.open_test take|solve|check|judge|seal|reveal …"""
+"""The open test of missing physics: python -m benchmarks.open_test take|solve|check|judge|tune|seal|…."""
 
 import argparse
 import importlib
 import json
+import math
 import resource
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from benchmarks.open_test.answer import Answer, not_ended, read_answer
 from benchmarks.open_test.case import CaseError, read_structure
 from benchmarks.open_test.rivals import NAMES
 from benchmarks.open_test.sets import TRUTH, cases_of, reveal, seal, take
+from benchmarks.open_test.tuning import tuned
 
 LIMIT = 300
 """CPU seconds that a program has for a case."""
@@ -62,16 +64,20 @@ def _write(file, answer):
 
 
 def judged(cases, folders, truths, oracle):
-    """Return what answers are worth, by program."""
-    by_program = {}
+    """Return what answers are worth, and the cases that have none and count as "do not know", by program."""
+    by_program, missing = {}, {}
     for folder in folders:
         for case in sorted(truths):
             structure = read_structure(cases / case)
             file = folder / f"{case}.json"
-            answer = read_answer(file, structure) if file.exists() else not_ended(case, folder.name, "", 0.0)
+            if file.exists():
+                answer = read_answer(file, structure)
+            else:
+                answer = Answer(case, folder.name, "", math.nan, ())
+                missing.setdefault(folder.name, []).append(case)
             one = judging.judge(answer, truths[case], structure, oracle.get(case))
             by_program.setdefault(folder.name, []).append(one)
-    return by_program
+    return by_program, missing
 
 
 def main(argv=None):
@@ -81,8 +87,8 @@ def main(argv=None):
     p.add_argument("generated", type=Path, help="folder of benchmarks.independent.foreign")
     p.add_argument("out", type=Path)
     p.add_argument("--first", type=int, default=1, help="number of the first case")
-    p = commands.add_parser("solve", help="answer all cases of a folder with a program that is here")
-    p.add_argument("name", choices=NAMES)
+    p = commands.add_parser("solve", help="answer all cases of a folder with programs that are here")
+    p.add_argument("names", nargs="+", choices=NAMES, metavar="NAME", help=", ".join(NAMES))
     p.add_argument("cases", type=Path)
     p.add_argument("answers", type=Path)
     p.add_argument("--limit", type=int, default=LIMIT, help="CPU seconds a case (default: %(default)s)")
@@ -99,6 +105,9 @@ def main(argv=None):
     p.add_argument("answers", type=Path, nargs="+", help="a folder for each program, which it is named by")
     p.add_argument("--oracle", type=Path, help="JSON file: nats of the truth by case")
     p.add_argument("--page", type=Path, help="Markdown file for the tables; its picture stands beside it")
+    p = commands.add_parser("tune", help="say which temperature and doubt of methods score best")
+    p.add_argument("cases", type=Path, help="cases whose truth is open")
+    p.add_argument("answers", type=Path, nargs="+", help="a folder for each method")
     for name, says in (
         ("seal", "move the truth away and leave seals"),
         ("reveal", "bring sealed truth back"),
@@ -120,7 +129,8 @@ def _run(options):
             told = take(options.generated, options.out, options.first)
             sys.stdout.write(f"{len(told)} cases in {options.out}\n")
         case "solve":
-            solve_all(options.name, options.cases, options.answers, options.limit)
+            for name in options.names:
+                solve_all(name, options.cases, options.answers, options.limit)
         case "one":
             before = resource.getrlimit(resource.RLIMIT_CPU)
             most = int(time.process_time()) + options.limit + GRACE
@@ -137,14 +147,25 @@ def _run(options):
         case "judge":
             truths = json.loads((options.cases / TRUTH).read_text(encoding="utf-8"))
             oracle = json.loads(options.oracle.read_text(encoding="utf-8")) if options.oracle else {}
-            by_program = judged(options.cases, options.answers, truths, oracle)
-            text = judging.report(by_program)
+            by_program, missing = judged(options.cases, options.answers, truths, oracle)
+            text = judging.report(by_program, missing)
             sys.stdout.write(text)
             if options.page:
                 picture = options.page.with_suffix(".png")
                 judging.draw(by_program, picture)
                 options.page.write_text(
                     f"{text}\n![Log scores and outcomes]({picture.name})\n", encoding="utf-8"
+                )
+        case "tune":
+            truths = json.loads((options.cases / TRUTH).read_text(encoding="utf-8"))
+            structures = {case: read_structure(options.cases / case) for case in truths}
+            for folder in options.answers:
+                files = sorted(folder.glob("*.json"))
+                answers = [read_answer(file, structures[file.stem]) for file in files]
+                score, ratio, unknown = tuned(answers, truths, structures)
+                sys.stdout.write(
+                    f"{folder.name}, {len(answers)} cases: {score:.2f} nats with {ratio:g} times the "
+                    f'temperature and {unknown:g} for "do not know"\n'
                 )
         case "seal":
             sys.stdout.write(f"{len(seal(options.cases, options.kept))} truths are sealed\n")

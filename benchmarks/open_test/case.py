@@ -66,6 +66,7 @@ def neutral(nominal):
     """Return structure.json of a nominal.json of `benchmarks.independent.foreign`."""
     material = nominal["material"]
     lines = nominal["frequency"]
+    zone = re.search(r"([\d.]+) mm at every member end", nominal.get("welded", ""))
     return {
         "format": CASE_FORMAT,
         "case": nominal["case"],
@@ -85,6 +86,7 @@ def neutral(nominal):
             for m in nominal["members"]
         ],
         "elsewhere": "members whose ends or centre lines meet are joined rigidly there",
+        "rigid_end_length": float(zone[1]) / 1000 if zone else 0.0,
         "joints": [
             {
                 "name": j["name"],
@@ -127,6 +129,7 @@ def neutral(nominal):
 def nominal_of(told):
     """Return the nominal.json that a structure.json was made of: the way back of `neutral`."""
     (material,) = told["materials"]
+    zone = told["rigid_end_length"]
     shapes = {v: k for k, v in SHAPES.items()}
     names = {v: k for k, v in TOLERANCES.items()}
     points = {str(s["node"]): s["at"] for s in told["sensors"]} | {
@@ -150,7 +153,8 @@ def nominal_of(told):
             for m in told["members"]
         ],
         "joints": [_nominal_joint(j) for j in told["joints"]],
-        "welded": "all other connections welded (rigid), centre lines meet",
+        "welded": "all other connections welded (rigid), centre lines meet"
+        + (f" (rigid end zone: {1000 * zone:g} mm at every member end)" if zone else ""),
         "supports": [{"point": s["name"], "fixed": "all six"} for s in told["supports"]] or "free-free",
         "sensors": [{k: v for k, v in s.items() if k != "at"} | {"sign": 1} for s in told["sensors"]],
         "excitations": [{"sensor": name} for name in told["forces"]],

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from statistics import mean, median
 
 from scipy.stats import binomtest
@@ -11,8 +12,12 @@ from benchmarks.open_test.kinds import is_right, share
 SURE, CREDIBLE, SMALL_SET = 0.9, 0.9, 3
 LEAST = 1e-6
 """The log score takes no smaller probability than this."""
-PRIOR = {0: 0.15, 1: 0.55, 2: 0.25, 3: 0.05}
+PRIOR = {0: 0.2, 1: 0.35, 2: 0.2, 3: 0.05}
 """What "do not know" is taken for: probabilities that none, one, two, three or more effects are missing."""
+PRIOR_OUTSIDE = 0.2
+"""And that an effect is missing that no kind describes."""
+CLEAR_DB = (0.0, 1.5, 3.0, 6.0, 15.0)
+"""Classes of how clearly effects show [dB]."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +25,8 @@ class Judged:
     """How one answer compares with the truth.
 
     ``log_score`` in nats; ``outcome`` as in `OUTCOMES`; ``size`` and ``covered`` of the credible set;
-    ``named``, ``missed`` and ``false`` effects of the first explanation.
+    ``named``, ``missed`` and ``false`` effects of the first explanation. ``shows_db`` is what the least
+    visible effect changes beyond what is uncertain [dB], None of no effect.
     """
 
     case: str
@@ -37,6 +43,7 @@ class Judged:
     missed: int
     false: int
     cpu_seconds: float
+    shows_db: float | None = None
 
     @property
     def sure_and_wrong(self):
@@ -50,16 +57,19 @@ RIGHT, IN_SET, PART, WRONG, UNKNOWN, NOT_ENDED = (
 OUTCOMES = RIGHT, IN_SET, PART, WRONG, UNKNOWN, NOT_ENDED
 
 
-def blind(n_effects, structure, *, something=False):
+def blind(truth, structure, *, something=False):
     """Return the probability of the true answer by someone who has not seen the data.
 
     The share of `PRIOR` for as many effects, spread over all answers with so many effects; ``something`` of
     someone who knows that it is not nothing.
     """
-    weight = PRIOR.get(n_effects, PRIOR[max(PRIOR)])
+    n_effects = len(truth["effects"])
+    weight = PRIOR_OUTSIDE if truth.get("outside") else PRIOR.get(n_effects, PRIOR[max(PRIOR)])
+    weight /= 1.0 if truth.get("outside") else structure.n_single**n_effects
     if something:
-        weight = 0.0 if n_effects == 0 else weight / (1 - PRIOR[0])
-    return weight / structure.n_single**n_effects
+        is_nothing = not n_effects and not truth.get("outside")
+        weight = 0.0 if is_nothing else weight / (1 - PRIOR[0])
+    return weight
 
 
 def without_test(effects, truth):
@@ -76,13 +86,13 @@ def judge(answer, truth, structure, nats=None):
     ``nats`` is what the true effects explain beyond their odds, by an oracle that is given the truth; a case
     with less than 0 does not show its effects.
     """
-    true = truth["effects"]
+    true, outside = truth["effects"], bool(truth.get("outside"))
     said = [(e.probability, without_test(e.effects, truth)) for e in answer.ranked]
-    right = [(p, is_right(effects, true, structure)) for p, effects in said]
+    right = [(p, not outside and is_right(effects, true, structure)) for p, effects in said]
     p = sum(p for p, ok in right if ok)
-    p += answer.unknown * blind(len(true), structure)
-    p += answer.unexplained * blind(len(true), structure, something=True)
-    every = [*right, (answer.unexplained + answer.unknown, False)]
+    p += answer.unknown * blind(truth, structure)
+    p += answer.unexplained * blind(truth, structure, something=True)
+    every = [*right, (answer.unexplained, outside), (answer.unknown, False)]
     every.sort(key=lambda pair: -pair[0])
     credible, total = [], 0.0
     for pair in every:
@@ -91,35 +101,43 @@ def judge(answer, truth, structure, nats=None):
         credible.append(pair)
         total += pair[0]
     covered = any(ok for _, ok in credible)
-    first = said[0] if said else (0.0, [])
-    named, false = share(first[1], true, structure)
-    knows = bool(said) and first[0] >= max(answer.unexplained, answer.unknown)
+    first_p, first = said[0] if said else (0.0, [])
+    knows = bool(said) and first_p >= max(answer.unexplained, answer.unknown)
+    missed = answer.unexplained > max(first_p, answer.unknown)
+    named, false = share(first if knows else [], true, structure)
     if not answer.ended:
         outcome = NOT_ENDED
-    elif knows and right[0][1]:
+    elif (missed and outside) or (knows and right[0][1]):
         outcome = RIGHT
     elif covered and len(credible) <= SMALL_SET:
         outcome = IN_SET
+    elif missed and not true:
+        outcome = WRONG
     elif not knows:
         outcome = UNKNOWN
     else:
         outcome = PART if named and not false else WRONG
     return Judged(
         answer.case,
-        tuple(sorted({t["kind"] for t in true})) or ("nothing",),
+        ("outside",) if outside else tuple(sorted({t["kind"] for t in true})) or ("nothing",),
         truth["structure"],
         truth["test"],
         None if nats is None else nats >= 0,
         math.log(max(p, LEAST)),
         outcome,
-        knows and first[0] >= SURE,
+        max(first_p, answer.unexplained) >= SURE,
         covered,
         len(credible),
         named,
         len(true) - named,
         false,
         answer.cpu_seconds,
+        min((_shows(each) for each in truth.get("shows", ()) if each["kind"] != "test"), default=None),
     )
+
+
+def _shows(each):
+    return each.get("beyond_nuisances_db", each["change_db"])
 
 
 def interval(hits, cases):
@@ -141,7 +159,7 @@ HEAD = (
 
 def row(program, judged):
     """Return a line of the table of programs."""
-    n = len(judged)
+    n, seconds = len(judged), [j.cpu_seconds for j in judged if not math.isnan(j.cpu_seconds)]
     count = {o: sum(j.outcome == o for j in judged) for o in OUTCOMES}
     return (
         program,
@@ -153,7 +171,7 @@ def row(program, judged):
         rate(sum(j.sure_and_wrong for j in judged), n),
         f"{sum(j.covered for j in judged)} of {n}",
         f"{mean(j.size for j in judged):.1f}",
-        f"{median(j.cpu_seconds for j in judged):.0f}",
+        f"{median(seconds):.0f}" if seconds else "-",
         str(count[NOT_ENDED]),
     )
 
@@ -163,23 +181,32 @@ def markdown(head, rows):
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)) + "\n"
 
 
-def report(by_program):
+def report(by_program, missing):
     """Return the tables: of programs, of what they name by kind, and of cases that show their effects.
 
-    ``by_program`` has lists of `Judged` by program.
+    ``by_program`` has lists of `Judged` by program, ``missing`` the names of cases without an answer.
     """
     order = sorted(by_program, key=lambda name: -mean(j.log_score for j in by_program[name]))
     text = markdown(HEAD, [row(name, by_program[name]) for name in order])
+    for name in sorted(missing):
+        text += f'\n{name} has not answered {len(missing[name])} cases, which count as "do not know".\n'
     kinds = sorted({k for judged in by_program.values() for j in judged for k in j.kinds})
     rows = []
     for kind in kinds:
         cells = []
         for name in order:
             mine = [j for j in by_program[name] if kind in j.kinds]
-            cells.append(f"{sum(j.outcome in (RIGHT, IN_SET) for j in mine)} of {len(mine)}")
+            cells.append(_of_cases(mine))
         rows.append((kind.replace("_", " "), *cells))
     text += "\nRight or in a set of three, by what is hidden (cases with several effects count for each):\n\n"
     text += markdown(("hidden", *order), rows)
+    text += "\nThe same by what the least visible effect changes beyond what is uncertain:\n\n"
+    rows = []
+    for low, high in pairwise(CLEAR_DB):
+        mine = [[j for j in by_program[n] if low <= (j.shows_db or -1.0) < high] for n in order]
+        if any(mine):
+            rows.append((f"{low:g} to {high:g} dB", *map(_of_cases, mine)))
+    text += markdown(("shows", *order), rows)
     seen = [[j for j in by_program[name] if j.seen is not None] for name in order]
     if any(seen):
         text += "\nCases whose data show the effects by the oracle, and those whose data do not:\n\n"
@@ -190,6 +217,10 @@ def report(by_program):
             rows.append((label, *cells))
         text += markdown(("", *order), rows)
     return text
+
+
+def _of_cases(judged):
+    return f"{sum(j.outcome in (RIGHT, IN_SET) for j in judged)} of {len(judged)}"
 
 
 def draw(by_program, file):

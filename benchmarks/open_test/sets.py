@@ -1,5 +1,6 @@
 """Make cases of the open test of generated ones, seal their truth, and reveal it."""
 
+import hashlib
 import json
 import secrets
 import shutil
@@ -9,7 +10,7 @@ from pathlib import Path
 from benchmarks.open_test.case import FRFS, MODES, STRUCTURE, CaseError, neutral, nominal_of, write_modes
 from benchmarks.open_test.truth import broken_seals, neutral_truth, seal_of
 
-TRUTH, SEALS, SALT = "truth.json", "seals.json", "salt.txt"
+TRUTH, SEALS, SALT, SUMS = "truth.json", "seals.json", "salt.txt", "SHA256SUMS"
 SET = "case-{:03d}"
 """What a case is called: nothing of its structure or seed shows."""
 
@@ -59,7 +60,7 @@ def take(generated, out, first=1):
 
 
 def seal(folder, kept):
-    """Move the truth of a set to a folder of its keeper, with a salt, and leave seals.
+    """Move the truth of a set to a folder of its keeper, with a salt; leave seals and sums of all files.
 
     Returns
     -------
@@ -74,6 +75,11 @@ def seal(folder, kept):
     shutil.move(folder / TRUTH, kept / TRUTH)
     (kept / SALT).write_text(salt, encoding="utf-8")
     (folder / SEALS).write_text(json.dumps(seals, indent=1), encoding="utf-8")
+    files = [Path(case) / file for case in seals for file in (STRUCTURE, FRFS, MODES)]
+    sums = (
+        f"{hashlib.sha256((folder / file).read_bytes()).hexdigest()}  {file.as_posix()}" for file in files
+    )
+    (folder / SUMS).write_text("\n".join(sums) + "\n", encoding="utf-8")
     return seals
 
 

@@ -44,6 +44,8 @@ def neutral_effects(effect):
             return [_named(effect)]
         case moved if moved in MOVED:
             return [{"kind": "connection_offset", "place": place, "value": size, "unit": "m"}]
+        case "outside":
+            return []
         case "sensor_fault":
             other = [size["swapped_with"]] if "swapped_with" in size else []
             return [
@@ -71,11 +73,15 @@ def neutral_truth(truth):
     """Return what the test keeps of a truth of the generator.
 
     ``test`` is ``as described`` or ``real``: then sensors have masses and are off by millimetres, degrees and
-    per cent, and statements of that are neither right nor wrong.
+    per cent, and statements of that are neither right nor wrong. ``outside`` has effects that no kind of the
+    test describes, ``noise`` the relative noise of FRFs [-].
     """
     effects = [x for e in truth["effects"] for x in neutral_effects(e)]
     told = {"effects": effects, "test": truth.get("test", "as described"), "code": truth["code"]}
-    return told | {"structure": truth["structure"], "shows": truth.get("shows", [])}
+    if outside := [e for e in truth["effects"] if e["type"] == "outside"]:
+        told["outside"] = outside
+    more = {"noise": truth["noise"]} if "noise" in truth else {}
+    return told | {"structure": truth["structure"], "shows": truth.get("shows", [])} | more
 
 
 def canonical(truth):

@@ -52,6 +52,7 @@ def effects_of(name, values, structure):
     """
     kind, _, rest = name.partition(":")
     place, *parts = rest.split(".")
+    place = place if place in structure.connections else place.split("+")[0]  # a clamp that members share
     value, std, unit = next(iter(values.values()), (None, None, ""))
     size = {} if value is None else {"value": value, "std": std, "unit": unit}
     if kind in OF_THE_TEST or kind.endswith("_form"):

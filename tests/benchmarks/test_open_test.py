@@ -1,5 +1,6 @@
 """The open test: cases in words of no program, answers that are read and judged, seals, and its rivals."""
 
+import importlib
 import json
 import shutil
 import subprocess
@@ -182,6 +183,26 @@ def test_answers_are_judged(cases, tmp_path, said, unexplained, outcome, sure_an
     assert (judged.outcome, judged.sure_and_wrong) == (outcome, sure_and_wrong)
 
 
+@pytest.mark.parametrize(
+    ("truth", "outcome", "score"),
+    [
+        (
+            {"effects": [], "outside": [{"what": "spring between two members"}]},
+            RIGHT,
+            np.log(0.9 * 0.25 + 0.1 * 0.2),
+        ),
+        ({"effects": []}, WRONG, np.log(0.1 * 0.2)),
+        ({"effects": [FOOT]}, UNKNOWN, np.log((0.9 / 0.8 + 0.1) * 0.35 / 74)),
+    ],
+)
+def test_unexplained_is_right_where_no_kind_describes_the_truth(cases, tmp_path, truth, outcome, score):
+    structure = read_structure(cases / "case-001")
+    truth = {"structure": "bracket", "test": "as described"} | truth
+    judged = judge(read_answer(answer(tmp_path, unexplained=0.9), structure), truth, structure)
+    assert judged.outcome == outcome
+    assert judged.log_score == pytest.approx(score, abs=1e-3)
+
+
 def test_being_sure_and_wrong_costs_more_than_not_to_know(cases, tmp_path):
     structure = read_structure(cases / "case-001")
     truth = json.loads((cases / TRUTH).read_text(encoding="utf-8"))["case-001"]
@@ -274,11 +295,30 @@ def test_answers_are_judged_without_any_package_of_the_program(cases, tmp_path):
     assert "| toy | 1 |" in done.stdout
 
 
-@pytest.mark.parametrize("name", ["modal_updating", "sparse_bayes", "constitutive_error", "forward_modal"])
-def test_rivals_by_modes_find_the_foot_of_a_simple_case(cases, tmp_path, name):
-    assert main(["one", name, str(cases / "case-001"), str(tmp_path / "a.json"), "--limit", "60"]) == 0
-    structure = read_structure(cases / "case-001")
-    truth = json.loads((cases / TRUTH).read_text(encoding="utf-8"))["case-001"]
-    told = read_answer(tmp_path / "a.json", structure)
-    judged = judge(told, truth, structure)
-    assert judged.named == 1, told.ranked[0]
+@pytest.mark.parametrize(
+    "name", ["modal_updating", "sparse_bayes", "constitutive_error", "forward_modal", "frf_one_by_one"]
+)
+def test_rivals_name_what_their_own_model_lacks(cases, name):
+    case = importlib.import_module("benchmarks.open_test.rivals.common").Case(cases / "case-001")
+    told = importlib.import_module(f"benchmarks.open_test.rivals.{name}").solve(case)
+    named = max(told.explanations, key=lambda e: e.probability).effects
+    (foot,) = (x for x in named if {k: x.get(k) for k in FOOT} == FOOT)
+    assert foot["value"] == pytest.approx(400.0, rel=0.05)
+
+
+def test_cases_without_an_answer_count_as_do_not_know_and_are_said(cases, tmp_path, capsys):
+    (tmp_path / "silent").mkdir()
+    assert main(["judge", str(cases), str(tmp_path / "silent")]) == 0
+    printed = capsys.readouterr().out
+    assert "| silent | 1 | -5.35 | 0 of 1" in printed
+    assert 'silent has not answered 1 cases, which count as "do not know"' in printed
+
+
+def test_tuning_keeps_sharp_what_is_right_and_blunts_what_is_wrong(cases, tmp_path, capsys):
+    for name, first in (("good", FOOT), ("bad", MASS)):
+        (tmp_path / name).mkdir()
+        answer(tmp_path / name, (0.8, [first]), (0.2, [MASS | {"place": "P"}]))
+    assert main(["tune", str(cases), str(tmp_path / "good"), str(tmp_path / "bad")]) == 0
+    good, bad = capsys.readouterr().out.splitlines()
+    assert "with 0.1 times the temperature and 0.02 for" in good
+    assert '0.9 for "do not know"' in bad

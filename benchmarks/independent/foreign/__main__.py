@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.independent.casefiles import NOTHING, with_noise, write_files
+from benchmarks.independent.casefiles import NOISE, NOTHING, with_noise, write_files
 from benchmarks.independent.foreign.draw import draw, plans, which_are_real
 from benchmarks.independent.foreign.generate import CODES, arguments, generate, name_of
 from benchmarks.independent.foreign.real import AS_DESCRIBED, draw_instruments, in_truth, with_stated_masses
@@ -12,7 +12,7 @@ REAL = 55
 """Number of the random stream that draws how tests really were."""
 
 
-def write(out, bench, plan, seed, real=None):
+def write(out, bench, plan, seed, real=None, noise=NOISE):
     """Write a case and return its truth; ``real`` says that its test is not as described, None of no case."""
     name = name_of(seed, plan)
     rng = np.random.default_rng([seed, plan.number])
@@ -23,7 +23,7 @@ def write(out, bench, plan, seed, real=None):
         own = np.random.default_rng([seed, plan.number, REAL])
         instruments = draw_instruments(bench.structure, own)
         nominal = with_stated_masses(nominal, instruments, own)
-    H = with_noise(bench.accelerances(hidden, test=instruments), rng)
+    H = with_noise(bench.accelerances(hidden, test=instruments), rng, noise)
     write_files(out / name, nominal, bench.structure.frequency, H)
     truth = {
         "code": CODES[bench.structure.code],

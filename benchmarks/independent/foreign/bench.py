@@ -33,6 +33,10 @@ class Hidden:
 
     Of sensors: ``gains``, ``swaps`` of names, ``tilts`` (towards a direction, angle [rad]) and ``places``
     where a sensor truly is [m].
+
+    ``ties`` are springs between two points of members, (member, position, member, position, direction,
+    stiffness [N/m]); ``absorbers`` are masses on springs, (member, position, direction, mass [kg], stiffness
+    [N/m], loss factor); ``couplings`` are the shares c of k_ij = c √(k_ii k_jj) by (connection, i, j).
     """
 
     changes: dict = field(default_factory=dict)
@@ -49,6 +53,9 @@ class Hidden:
     swaps: tuple = ()
     tilts: dict = field(default_factory=dict)
     places: dict = field(default_factory=dict)
+    ties: tuple = ()
+    absorbers: tuple = ()
+    couplings: dict = field(default_factory=dict)
 
     def __or__(self, other):
         """Return both together."""
@@ -117,7 +124,9 @@ class Bench:
         ]
         by_name = {s["name"]: s["member"] for s in self.structure.channels}
         out += [Place(by_name[name], s) for name, s in hidden.places.items()]
-        out += [Place(m, s) for m, s, *_ in (*hidden.masses, *hidden.springs, *hidden.dampers)]
+        points = (*hidden.masses, *hidden.springs, *hidden.dampers, *hidden.absorbers)
+        out += [Place(m, s) for m, s, *_ in points]
+        out += [Place(*at) for m1, s1, m2, s2, *_ in hidden.ties for at in ((m1, s1), (m2, s2))]
         out += [self.turning(m, s) for m, s, _ in hidden.inertias]
         out += [self.sensor_place(s, hidden, test) for s in self.structure.channels if test.offsets]
         out += [place for place, _ in self.body_places(test)]
@@ -314,6 +323,9 @@ def dynamic_stiffness(connection, hidden, omega, factor):
     c = np.array([hidden.dashpots.get((name, i), 0.0) for i in range(6)])
     Z = np.zeros((len(omega), 6, 6), dtype=complex)
     Z[:, range(6), range(6)] = k * (1 + 1j * eta) + 1j * omega[:, None] * c
+    for (connected, i, j), share in hidden.couplings.items():
+        if connected == name:
+            Z[:, i, j] = Z[:, j, i] = share * np.sqrt(k[i] * k[j])
     return Z
 
 
@@ -326,4 +338,10 @@ def attachments(hidden, omega, whole, turning):
         out.append((whole(Place(m, s))[:, [AXES.index(d)]], k * np.ones_like(w)))
     for m, s, d, c in hidden.dampers:
         out.append((whole(Place(m, s))[:, [AXES.index(d)]], 1j * w * c))
+    for m1, s1, m2, s2, d, k in hidden.ties:
+        apart = whole(Place(m1, s1)) - whole(Place(m2, s2))
+        out.append((apart[:, [AXES.index(d)]], k * np.ones_like(w)))
+    for m, s, d, mass, k, eta in hidden.absorbers:
+        soft, inertia = k * (1 + 1j * eta), -(w**2) * mass
+        out.append((whole(Place(m, s))[:, [AXES.index(d)]], soft * inertia / (soft + inertia)))
     return out

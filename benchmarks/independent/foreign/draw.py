@@ -40,19 +40,20 @@ class Deck:
         return self.left.pop()
 
 
-def sorts(rng):
+def sorts(rng, shares):
     """Yield sorts of cases, twenty at a time in their shares."""
-    twenty = [sort for sort, share in SHARES.items() for _ in range(round(20 * share))]
+    twenty = [sort for sort, share in shares.items() for _ in range(round(20 * share))]
     deck = Deck(twenty, rng)
     while True:
         yield deck.draw()
 
 
-def plans(seed, n, structures):
+def plans(seed, n, structures, shares=SHARES):
     """Return n plans; those of a larger n begin with the same."""
-    decks = np.random.default_rng(seed).spawn(4)
-    structure, sort = Deck(structures, decks[0]), sorts(decks[1])
+    decks = np.random.default_rng(seed).spawn(5)
+    structure, sort = Deck(structures, decks[0]), sorts(decks[1], shares)
     every, soft = Deck(kinds.EVERY, decks[2]), Deck(kinds.CONNECTIONS, decks[3])
+    outside = Deck(kinds.OUTSIDE, decks[4])
     out = []
     for number in range(1, n + 1):
         what = next(sort)
@@ -62,6 +63,7 @@ def plans(seed, n, structures):
             "connections": (soft, soft),
             "mixed": (soft, Deck([kinds.point_mass], decks[3])),
             "two": (every, every),
+            "outside": (outside,),
         }[what]
         turns = tuple(deck.draw() for deck in firsts)
         out.append(Plan(number, structure.draw(), what, turns))
@@ -114,6 +116,8 @@ def draw(bench, plan, rng):
         others = [kinds.EVERY[i] for i in rng.permutation(len(kinds.EVERY))]
         if plan.sort in ("connections", "mixed"):
             others = [kinds.point_mass, kinds.soft_axis]
+        if plan.sort == "outside":
+            others = list(kinds.OUTSIDE)
         for attempt in (kind, *others[:KINDS_TRIED]):
             found = draw_thing(bench, attempt, rng, things)
             if found:

@@ -354,6 +354,59 @@ def sensor_moved(bench, rng):
     )
 
 
+# outside the kinds of the open test ------------------------------------------------------------------------
+
+
+def outside(what, place, **magnitude):
+    """Return what truth.json says of an effect that no kind of the open test describes."""
+    return {"type": "outside", "what": what, "location": place, "magnitude": magnitude}
+
+
+def tie(bench, rng):
+    """A spring between two members that nothing joins there."""
+    one, other = member(bench, rng), member(bench, rng)
+    if one is other:
+        return None
+    s, t = position(bench, one.name, rng), position(bench, other.name, rng)
+    d = str(draw_from(rng, AXES))
+    scale = 12 * E * min(section_of(m)[1] / m.length**3 for m in (one, other))
+    k = log_uniform(rng, 0.3 * scale, 100 * scale)
+    words = outside(
+        "spring between two members", f"{one.name} {other.name}", positions_m=[s, t], direction=d, k=k
+    )
+    return Drawn(Hidden(ties=((one.name, s, other.name, t, d, k),)), words, one.name)
+
+
+def absorber(bench, rng):
+    """A mass on a spring with a resonance in the band: something loose, or an instrument on rubber."""
+    m = member(bench, rng)
+    s, d = position(bench, m.name, rng), str(draw_from(rng, AXES))
+    mass = log_uniform(rng, 0.03 * mass_of(m), 0.6 * mass_of(m))
+    f = round(float(rng.uniform(0.15, 0.7) * bench.structure.frequency[-1]), 2)
+    eta = round(float(rng.uniform(0.01, 0.1)), 3)
+    words = outside(
+        "mass on a spring", m.name, position_m=s, direction=d, mass=mass, frequency_Hz=f, loss_factor=eta
+    )
+    k = mass * (2 * np.pi * f) ** 2
+    return Drawn(Hidden(absorbers=((m.name, s, d, mass, k, eta),)), words, m.name)
+
+
+def coupled_joint(bench, rng):
+    """A joint that is softer in two directions, which are coupled."""
+    c = draw_from(rng, bench.structure.joints)
+    i, j = int(rng.integers(3)), int(rng.integers(3, 6))
+    share = either(rng, 0.5, 0.95)
+    k = {n: soft_stiffness(bench, c, n, rng) for n in (i, j)}
+    words = outside(
+        "coupled directions of a joint", c.name, directions=[DIRECTIONS[i], DIRECTIONS[j]], share=share,
+        k=list(k.values()),
+    )  # fmt: skip
+    soft = Hidden(stiffness={(c.name, n): v for n, v in k.items()})
+    coupled = Hidden(couplings={(c.name, i, j): share})
+    return Drawn(soft | coupled, words, c.name, (), (soft, coupled))
+
+
+OUTSIDE = (tie, absorber, coupled_joint)
 CONNECTIONS = (soft_axes, soft_axis)
 GEOMETRY = (hole_beside, mounted_along, settled_elsewhere)
 FAULTS = (sensor_sign, sensor_gain, sensor_swap, sensor_tilt, sensor_moved)

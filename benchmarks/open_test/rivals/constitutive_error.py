@@ -16,20 +16,26 @@ SOURCE = (
 MEMBERS = {"member_stiffness"}
 CONNECTIONS = {"joint_stiffness", "support_flexibility"}
 EVERY = MEMBERS | CONNECTIONS | {"member_density", "point_mass", "stiffness_loss"}
+LEAST_MAC = 0.3
+"""A measured mode has a partner from this MAC on [-]."""
 TRUST = 10.0
 """Weight of the measured shape against the energy of the mode."""
-PLACES = 3
+PLACES, TOGETHER = 4, 12
+RESERVE = 20.0
+"""CPU seconds that are left for the answer."""
+TEMPERATURE, UNKNOWN = 30.0, 0.5
 
 
 def differences(case):
     """Return u - v and u of each measured mode, on the reduced basis (n_modes, n)."""
     reduced, (f, _, phi) = case.reduced, case.modes
-    K, M = reduced.base[:2]
-    frequency, shapes, _ = reduced.solve_modes(reduced.base, len(K))
-    partner, mac = paired(frequency, shapes, f, phi.real)
+    usual = Updating(case, [])
+    K, M = usual.matrices(usual.settled())
+    frequency, shapes, _ = reduced.solve_modes((K, M), len(K))
+    partner, assurance = paired(frequency, shapes, f, phi.real)
     off, full = [], []
     for k, j in enumerate(partner):
-        if mac[j, k] < 0.3:
+        if assurance[j, k] < LEAST_MAC:
             continue
         w2 = (2 * np.pi * f[k]) ** 2
         a, b = shapes[:, j], phi[:, k].real
@@ -52,16 +58,13 @@ def solve(case):
         K = slope[0]
         error, whole = (abs(float(np.sum((v @ K) * v))) for v in (off, full))
         place = case.words(o, o.sizes[0])[0]["place"]
-        energy[place] = max(energy.get(place, 0.0), error / max(whole, 1e-6 * energy_of_all))
+        energy[place] = max(energy.get(place, 0.0), error / (whole + 0.01 * energy_of_all))
     worst = sorted(energy, key=energy.get, reverse=True)[:PLACES]
     options = [o for o in case.options(EVERY) if case.words(o, o.sizes[0])[0]["place"] in worst]
     model = Updating(case, options)
-    found = [model.hypothesis([])]
-    for k in range(len(options)):
-        if case.left > 20:
-            found.append(model.hypothesis([k]))
-    best = int(np.argmax([w for _, w in found])) - 1
-    for k in range(len(options) if best >= 0 else 0):
-        if k != best and case.left > 20:
-            found.append(model.hypothesis([best, k]))
-    return case.said(dict(found), None)
+    found = [model.hypothesis([]), *(model.hypothesis([k]) for k in range(len(options)))]
+    order = np.argsort([-w for _, w in found[1:]])
+    for k in order[1:TOGETHER]:
+        if case.left > RESERVE:
+            found.append(model.hypothesis([int(order[0]), int(k)]))
+    return case.said(dict(found), TEMPERATURE, UNKNOWN)

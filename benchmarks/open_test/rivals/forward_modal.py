@@ -17,6 +17,9 @@ KINDS = {
     "stiffness_loss", "ground_spring",
 }  # fmt: skip
 MOST = 3
+TRIED = 80, 25, 25
+"""How many candidates are tried as the first, second and third effect."""
+TEMPERATURE, UNKNOWN = 30.0, 0.5
 
 
 def by_sensor(case):
@@ -35,32 +38,33 @@ def solve(case):
     options = sorted(
         case.options(KINDS), key=lambda o: order.get(getattr(o.effect, "member", None), len(members))
     )
-    model, chosen, found = Updating(case, options), [], {}
+    model, chosen, changes, found = Updating(case, options), [], np.zeros(0), {}
     told, weight = model.hypothesis([])
     found[told] = weight
     for _ in range(MOST):
         tried = {}
-        for k in _promising(model, chosen):
+        for k in _promising(model, chosen, changes, TRIED[len(chosen)]):
             if case.left < 20:
                 break
-            tried[k] = model.hypothesis([*chosen, k])
+            tried[k] = model.hypothesis([*chosen, k], changes)
         if not tried:
             break
         found |= dict(tried.values())
         best = max(tried, key=lambda k: tried[k][1])
         if tried[best][1] < weight:
             break
-        weight, chosen = tried[best][1], [*chosen, best]
-    return case.said(found, None)
+        (told, weight), chosen = tried[best], [*chosen, best]
+        changes = np.array([o.change(size) for o, size, _ in told])
+    return case.said(found, TEMPERATURE, UNKNOWN)
 
 
-def _promising(model, chosen, most=40):
+def _promising(model, chosen, changes, most):
     """Return the candidates whose slope explains most of what is left, beside what is chosen already."""
-    changes = np.zeros(model.n + model.n_common)
-    if chosen:
-        x = model.fit(lambda A, b: np.linalg.lstsq(A, b, rcond=None)[0], chosen)[0]
-        changes[: model.n] = x
-    r, S = model.linearised(changes)
+    total = np.zeros(model.n + model.n_common)
+    total[chosen] = changes
+    r, S, groups = model.linearised(total)
+    weight = 1 / np.sqrt(1 + np.bincount(groups, r**2) / np.bincount(groups))[groups]
+    r, S = r * weight, S * weight[:, None]
     usual = np.column_stack([S[:, model.n :], S[:, chosen]])
     whole = np.linalg.inv(np.eye(len(r)) + usual @ usual.T)
     own = S[:, : model.n]

@@ -15,14 +15,13 @@ SOURCE = (
 )
 KINDS = {"member_stiffness", "member_density", "joint_stiffness", "support_flexibility"}
 MOST = 3
-USUAL_LOG, USUAL = 0.5, 0.1
-"""Changes of logarithms and of relative sizes that count as equally large [-]."""
+TEMPERATURE, UNKNOWN = 30.0, 0.5
 
 
 def solve(case):
     """Return up to three of the largest changes of an updated model."""
     model = Updating(case, case.options(KINDS))
-    usual = np.where(model.log[: model.n], USUAL_LOG, USUAL)
+    usual = np.array([o.usual for o in model.options])
 
     def regularised(A, b):
         curve = l_curve(A * usual, b)
@@ -30,4 +29,4 @@ def solve(case):
 
     changes = model.fit(regularised)[0]
     order = np.argsort(-np.abs(changes / usual))[:MOST]
-    return case.said(dict(model.hypothesis(order[:k]) for k in range(MOST + 1)), None)
+    return case.said(model.largest(order, changes), TEMPERATURE, UNKNOWN)

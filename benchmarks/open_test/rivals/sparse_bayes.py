@@ -14,8 +14,9 @@ SOURCE = (
 )
 KINDS = {"member_stiffness", "stiffness_loss", "joint_stiffness", "support_flexibility"}
 ITERATIONS, MOST = 60, 3
-LEAST, LARGEST = 1e-8, 1.0
-"""Variances of losses, between which the evidence decides [-]."""
+TEMPERATURE, UNKNOWN = 30.0, 0.5
+LEAST, LARGEST = 1e-6, 1e2
+"""Variances of losses over usual ones, between which the evidence decides [-]."""
 
 
 def relevance(A, b, noise=1.0):
@@ -38,10 +39,11 @@ def solve(case):
     found = {}
 
     def sparse(A, b):
-        mean, found["variance"] = relevance(A, b)
-        return mean
+        mean, found["variance"] = relevance(A * usual, b)
+        return usual * mean
 
+    usual = np.array([o.usual for o in model.options])
     changes = model.fit(sparse)[0]
-    order = np.argsort(-np.abs(changes))
+    order = np.argsort(-np.abs(changes / usual))
     relevant = [int(k) for k in order if found["variance"][k] > 10 * LEAST][:MOST]
-    return case.said(dict(model.hypothesis(relevant[:k]) for k in range(len(relevant) + 1)), None)
+    return case.said(model.largest(relevant, changes), TEMPERATURE, UNKNOWN)
