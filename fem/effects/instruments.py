@@ -227,5 +227,5 @@ def place_name(model: Model, point: int) -> str:
     for member in model.mesh.members:
         at = np.flatnonzero(model.mesh.member_points(member) == point)
         if at.size:
-            return f"member {member} at {length_text(model.mesh.member_positions(member)[at[0]])}"
+            return f"member {member} at {length_text(float(model.mesh.member_positions(member)[at[0]]))}"
     return f"point {point}"

@@ -192,7 +192,7 @@ def places_along(model: Model) -> list[tuple[int, str]]:
         for k in np.unique(np.linspace(0, len(points) - 1, count).round().astype(int)):
             if int(points[k]) not in seen:
                 seen.add(int(points[k]))
-                out.append((int(points[k]), f"member {member} at {length_text(along[k])}"))
+                out.append((int(points[k]), f"member {member} at {length_text(float(along[k]))}"))
     names = {point: name for name, point in mesh.point_names.items()}
     for part in (e for e in model.effects if e.reduced_part):
         for k, point in enumerate(part.points, start=1):  # type: ignore[attr-defined]
