@@ -7,6 +7,7 @@ import numpy as np
 
 from dovetail.file.config import StudyContents, read_study
 from dovetail.file.contents import measured, without_held_out
+from dovetail.file.effects import written_values
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.toml import FITTED_DIGITS
@@ -228,7 +229,7 @@ def updated_text(study: StudyContents, updated: Updated, folder: Path) -> tuple[
     test = updated.problem.test_of(updated.fitted)
     if test is not None:
         there = with_test(there, test)
-    values |= {(e.name, p.name): float(np.real(p.value)) for e in effects for p in e.parameters()}
+    values |= {(e.name, key): value for e in effects for key, value in written_values(e).items()}
     return there, tuple(_omitted(here, study, updated, values, damping is not None))
 
 

@@ -126,7 +126,9 @@ class SectionForm(WithFrame):
         if new is None:
             return self
         before, now = self.parts_on(model), new.parts_on(model)
-        values = {key: getattr(self, key) * _size(before[key]) / _size(now[key]) for key in self.keys}
+        values = {
+            key: getattr(self, key) * _size(key, before[key]) / _size(key, now[key]) for key in self.keys
+        }
         return replace(new, name=self.name, **values)
 
     @classmethod
@@ -139,8 +141,16 @@ def _scaled(c: Contribution, factor: Any) -> Contribution:
     return replace(c, K=None if c.K is None else factor * c.K, M=None if c.M is None else factor * c.M)
 
 
-def _size(parts: tuple[Contribution, ...]) -> float:
-    return float(sum(np.abs(X).sum() for c in parts for X in (c.K, c.M) if X is not None))
+def _size(key: str, parts: tuple[Contribution, ...]) -> float:
+    """Return the inertia of displacements, or the stiffness against turns of elements' ends.
+
+    Opposite turns bend and twist without shear, so that shear coefficients do not matter; alike ones shear.
+    """
+    none, one = np.zeros((3, 3)), np.eye(3)
+    motions = {"A": [one, none, one, none], "shear": [none, one, none, one]}
+    v = np.hstack(motions.get(key, [none, -one, none, one]))
+    matrices = (X for c in parts for X in (c.K, c.M) if X is not None)
+    return float(sum(np.einsum("ri,bij,rj->", v, X, v) for X in matrices))
 
 
 def _sections(model: Model) -> Iterator[SectionForm]:

@@ -489,7 +489,7 @@ def test_two_tabs_share_a_desk_that_answers(tmp_path, chromium):
             assert field.evaluate("(e) => e.scrollWidth <= e.clientWidth")
             slider = tab.page.get_by_role("slider", name=f"stiffness of {kz}")
             low, high, at = slider.evaluate("(e) => [+e.min, +e.max, +e.value]")
-            assert high - low == pytest.approx(3.0)
+            assert high - low == pytest.approx(6.0)
             assert low < at < high
         for _ in range(3):
             undo = two.page.get_by_role("button", name="Undo")
