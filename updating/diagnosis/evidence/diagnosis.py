@@ -104,18 +104,20 @@ class Searched(Generic[P]):
         return max(some, key=lambda h: h.score, default=self.best)
 
     def answered(self) -> "Searched[P]":
-        """Return the search with its best hypothesis with effects where it is sure that there are some.
+        """Return the search with its best hypothesis with effects where that is the better answer.
 
-        Each of many effects may be little more probable than none, and all together far more. "Nothing
-        missing" then is no simpler twin of the best.
+        The search prefers the simpler of two, the answer the more probable: "nothing missing" is no simpler
+        twin. Nor is it the answer where each of many effects is little less probable than it, and all
+        together are far more.
         """
-        some = [h.score for h in self.weighed if h.effects]
         with_effects = [h for h in self.search.known.values() if h.effects]
         if not self.finished or self.best.effects or not with_effects or not self.explains:
             return self
-        if np.logaddexp.reduce(some) <= self.best.score + TWIN_NATS:
+        first = max(with_effects, key=lambda h: h.score)
+        some = np.logaddexp.reduce([h.score for h in self.weighed if h.effects])
+        if first.score <= self.best.score and some <= self.best.score + TWIN_NATS:
             return self
-        return replace(self, best=max(with_effects, key=lambda h: h.score))
+        return replace(self, best=first)
 
     @property
     def evidence(self) -> float:
