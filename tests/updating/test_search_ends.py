@@ -6,7 +6,7 @@ import pytest
 
 from updating.diagnosis.evidence import Search
 from updating.diagnosis.evidence.budget import NORMAL
-from updating.diagnosis.evidence.diagnosis import _most_probable_first
+from updating.diagnosis.evidence.diagnosis import _go_on, _most_probable_first
 
 
 @pytest.mark.parametrize(
@@ -35,3 +35,27 @@ def test_a_reading_with_a_fault_is_reported_if_it_leaves_less_of_what_nothing_ex
 
     corrected, as_read = way(3.1, 31.0), way(5.3, 34.0)
     assert _most_probable_first([corrected, as_read])[0] is (as_read if explains else corrected)
+
+
+@pytest.mark.parametrize(
+    ("near", "may_reach", "began"), [(True, 50.0, 1), (True, 200.0, 2), (False, 50.0, 2)]
+)
+def test_a_second_reading_begins_only_if_it_may_be_better(near, may_reach, began):
+    """Two faults of sensors beside an effect: the reading without them took 76 of 127 s, and lost."""
+    begun = []
+
+    def way(score, unknown):
+        search = SimpleNamespace(
+            best=SimpleNamespace(score=score), fits=SimpleNamespace(is_near=lambda h: near)
+        )
+        search.unknown, search.so_far = (lambda best: unknown), (lambda: "")
+
+        def rounds():
+            begun.append(score)
+            yield search.best
+
+        search.rounds = rounds
+        return SimpleNamespace(search=search)
+
+    _go_on([way(100.0, 90.0), way(20.0, may_reach)], lambda text, share: None)
+    assert len(begun) == began

@@ -322,15 +322,23 @@ def _go_on(ways: Sequence[Searched[P]], progress: Progress) -> None:
             said = text
             progress(Lasting(text), 0.1)
 
+    def is_beaten(search: Search[P]) -> bool:
+        """Whether nothing that a search may still find is as probable as what another one has."""
+        elsewhere = [way.search.best.score for way in ways if way.search is not search]
+        return any(score > search.unknown(search.best) for score in elsewhere)
+
     tell()
-    going = [(way.search, way.search.rounds()) for way in ways]
-    for _, rounds in going:
-        next(rounds, None)
+    going = []
+    for way in ways:
+        # Where one reading of the data explains them, the next ones begin only if they may do better.
+        if any(search.fits.is_near(search.best) for search, _ in going) and is_beaten(way.search):
+            continue
+        going.append((way.search, way.search.rounds()))
+        next(going[-1][1], None)
         tell()
     while going:
         search, rounds = max(going, key=lambda each: each[0].best.score)
-        elsewhere = [way.search.best.score for way in ways if way.search is not search]
-        if any(s > search.unknown(search.best) for s in elsewhere) or next(rounds, None) is None:
+        if is_beaten(search) or next(rounds, None) is None:
             going = [each for each in going if each[0] is not search]
         tell()
 
