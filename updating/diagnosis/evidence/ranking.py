@@ -21,6 +21,9 @@ from updating.inference.form_scatter import FormScatter
 N_LOOKED = 3
 """Number of the best candidates by linear changes that are looked at on their grids in any case."""
 
+MOST_GRIDS = 100
+"""Number of candidates above which a first-order estimate makes a short list."""
+
 Against = Callable[[Effect], float]
 """Prior odds against an effect, as a logarithm: what it must gain."""
 RankedBlocks = Callable[[Sequence[tuple[Effect, ...]]], list[tuple[Block, ...]]]
@@ -91,8 +94,7 @@ class Ranking:
         nominal = problem.at_nominal(current)
         unbent = problem.has_broad_resonances or nominal.values == current.values
         bases = (current,) if unbent else (current, nominal)
-        # Number of candidates above which a first-order estimate makes a short list
-        if len(grids) > 100:
+        if len(grids) > MOST_GRIDS:
             chosen = shortlist(problem, bases, grids, self.n_listed)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
         return screen(problem, bases, grids, far=far)

@@ -40,7 +40,7 @@ from updating.diagnosis.evidence.hypothesis import (
     values_of,
 )
 from updating.diagnosis.evidence.places import Place, place_of, places_of
-from updating.diagnosis.evidence.ranking import RankedBlocks, Ranking
+from updating.diagnosis.evidence.ranking import MOST_GRIDS, RankedBlocks, Ranking
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
 from updating.forecast.forecast import EffectEstimate
@@ -425,10 +425,10 @@ class Search(Generic[P]):
             now = damped.problem.far_start(now)
         compatible = self.compatible_with(base.effects)
         springs = self.springs(key_of(compatible))
-        parents = [*dict.fromkeys(p for p in order if p in springs), *(p for p in springs if p not in order)]
+        first = sorted(springs, key=lambda p: order.index(p) if p in order else len(order))
         blocks = [
             ((*base.effects, *springs[p]), tuple(Start((*kept, *v), now) for v in self.amid(springs[p])))
-            for p in parents
+            for p in first
         ]
         others = [e for e in compatible if not _is_spring(e)]
         self.tell(f"comparing {len(blocks)} connections and {len(others)} other effects")
@@ -440,10 +440,10 @@ class Search(Generic[P]):
             known.update(key_of(t.candidate[0]) for t in new)
             return new
 
-        # Little of an effect may say nothing of much of it: then all are looked at.
+        # Little of an effect makes the short list, and may say nothing of much: then all are looked at.
         singles: list[Candidate] = []
-        for is_listed in (False, True):
-            screened = self.fits.ranking.screened(looked, now, others, lambda e, all=is_listed: all)
+        for every in (False, True) if len(others) > MOST_GRIDS else (True,):
+            screened = self.fits.ranking.screened(looked, now, others, lambda e, every=every: every)
             singles = [
                 ((*base.effects, s.effect), (Start((*kept, *s.starts[0].values), now),))
                 for s in screened[: self.budget.n_singles]
