@@ -13,6 +13,7 @@ from typing import Final
 
 from fem.io.deck import words
 from fem.io.nastran_names import HARMLESS, LINES, NAMED, READ
+from fem.mesh import free_name
 
 PROPERTIES: Final = words("PBAR PBARL PBEAM PBEAML PROD PTUBE")
 BARS: Final = words("CBAR CBEAM CROD CTUBE CONROD")
@@ -130,7 +131,10 @@ def names_of(comments: Comments, cards: Sequence[tuple[int, str, str]]) -> Names
         if len(given) == 1 and given[0]:
             plain.properties[number] = given[0]
     found.properties = plain.properties | found.properties
-    found.materials = plain.materials | found.materials
+    materials, found.materials = plain.materials | found.materials, {}
+    for number, name in materials.items():
+        # a study has its materials by name
+        found.materials[number] = free_name(name, name, {*found.materials.values()})
     return found
 
 

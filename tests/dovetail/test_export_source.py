@@ -315,7 +315,7 @@ def test_deck_with_the_cards_has_the_frequencies_of_the_study(made, case, capsys
 )
 def test_members_that_comments_name_share_a_card(tmp_path, monkeypatch, case):
     monkeypatch.chdir(tmp_path)
-    text = nastran()
+    text = nastran().replace("MAT1,", "$ metal\nMAT1,")
     for k in range(7):
         text = re.sub(rf"^(CBAR|CBEAM),{101 + PIECES * k},", rf"$ part{k}\n\g<0>", text, flags=re.MULTILINE)
     Path("frame.bdf").write_text(text)
@@ -323,6 +323,7 @@ def test_members_that_comments_name_share_a_card(tmp_path, monkeypatch, case):
     folder = Path("s")
     study = (folder / "study.toml").read_text()
     assert "part5" in study
+    assert {'[materials.metal]', '[materials."metal.2"]'} <= {*study.splitlines()}
     (folder / "found.toml").write_text(CASES[case](folder, study))
     assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
     expected = frequencies(folder / "found.toml")
