@@ -112,6 +112,7 @@ def read_structure(
         If the file cannot be read.
     """
     notes: list[str] = []
+    sizes = DeckUnits.of(units)  # wrong units are no reason to read a deck as a mesh
     is_deck = program_of(file) is not None
     if is_deck and scale != 1:
         notes.append("the deck is read as a mesh: give --units in place of --mesh-scale for its sections")
@@ -119,7 +120,7 @@ def read_structure(
         try:
             deck = read_deck(file, units)
             if deck.properties:
-                made = _of_deck(deck, DeckUnits.of(units))
+                made = _of_deck(deck, sizes)
                 table = toml_table("[source]", {"file": named_from(folder, file), "units": _units(units)})
                 return replace(
                     made,

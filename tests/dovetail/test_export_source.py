@@ -323,7 +323,7 @@ def test_members_that_comments_name_share_a_card(tmp_path, monkeypatch, case):
     folder = Path("s")
     study = (folder / "study.toml").read_text()
     assert "part5" in study
-    assert {'[materials.metal]', '[materials."metal.2"]'} <= {*study.splitlines()}
+    assert {"[materials.metal]", '[materials."metal.2"]'} <= {*study.splitlines()}
     (folder / "found.toml").write_text(CASES[case](folder, study))
     assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
     expected = frequencies(folder / "found.toml")
