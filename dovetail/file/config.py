@@ -314,7 +314,8 @@ class _Parts:
         notes.append(
             f"no supports are given: {', '.join(grounded)} alone hold the structure"
             if grounded
-            else "no supports are given: the structure is free"
+            else "no supports are given: the structure is free. If something holds it, [[supports]] are "
+            "missing (in a deck SPC, *BOUNDARY or D)"
         )
 
 

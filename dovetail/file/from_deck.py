@@ -162,7 +162,7 @@ def _of_deck(deck: FrameDeck, units: DeckUnits) -> Structure:
     comments = "".join(f"{toml_comment(note)}\n" for note in mesh.notes)
     text = f"{comments}\n{tables_of(model, deck.damping)}" if comments else tables_of(model, deck.damping)
     hint = _units_hint(deck, units)
-    notes = (", ".join(counts), *mesh.notes, *([hint] if hint else []))
+    notes = (*([hint] if hint else []), ", ".join(counts), *mesh.notes)
     return Structure(mesh, text, {MESH: abaqus_text(mesh)}, True, notes, hint)
 
 

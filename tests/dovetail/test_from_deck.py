@@ -182,3 +182,22 @@ def test_a_folder_in_place_of_a_study_names_the_study_in_it(tmp_path, capsys):
     (tmp_path / "study.toml").write_text("")
     assert main(["check", str(tmp_path)]) == 2
     assert f"a folder; did you mean '{tmp_path / 'study.toml'}'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("support", "words"),
+    [
+        ("", "the structure is free. If something holds it, [[supports]] are missing (in a deck SPC"),
+        ("CBUSH,9,9,1,,,,,0\nPBUSH,9,K,1.+3,1.+3,1.+3,1.+6,1.+6,1.+6\n", "CBUSH 9 alone hold"),
+        ("SPC1,1,123456,1\n", ""),
+    ],
+)
+def test_a_structure_without_supports_is_noted_and_is_no_fault(tmp_path, capsys, support, words):
+    study = made(tmp_path, f"{LUMPED}{support}")
+    new = capsys.readouterr().out
+    assert main(["check", str(study)]) == 0
+    check = capsys.readouterr().out
+    assert "no faults found" in check
+    for out in (new, check):
+        assert words in out
+        assert ("no supports are given" in out) == bool(words)
