@@ -142,6 +142,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with _without_collection(for_good=argv is None):
             called = [ALIASES.get(word, word) for word in words]
             parser = build_parser([word for word in called if word in COMMANDS][:1])
+        _check_command(parser, called)
         options = parser.parse_args(words)
     except SystemExit as stop:  # argparse has printed the reason
         return int(stop.code or 0)
@@ -190,6 +191,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         progress.close()
     return code
+
+
+def _check_command(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
+    """Refuse a command that does not exist, with the name that is meant."""
+    # no option before the command takes a value
+    command = next((word for word in words if not word.startswith("-")), None)
+    if command is None or command in COMMANDS:
+        return
+    from dovetail.file.table import suggest
+
+    parser.error(f"there is no command '{command}'; {suggest(command, COMMANDS)}")
 
 
 def _is_of_stdout(reason: BaseException) -> bool:

@@ -101,7 +101,7 @@ def exported_deck(study: StudyContents, *, whole: bool) -> tuple[ModelDeck, tupl
         If cards for what was found are asked for, and the study has no effects and no fitted values.
     """
     if whole:
-        found = _effects(study, _result(study))[0]
+        found = _effects(study, _result(study), whole=True)[0]
         lines = (f"model of {_head(study)}", *_lines(found))
         return _titled(deck_of(study.model, study.name), found), lines
     one = exported(study)
@@ -177,16 +177,17 @@ def _head(study: StudyContents) -> str:
 def exported(study: StudyContents) -> Exported:
     """Return the model to export, and the same without what was found."""
     result = _result(study)
-    (found, none), nominal = _effects(study, result), _nominal(study.model, result)
+    (found, zero), nominal = _effects(study, result), _nominal(study.model, result)
     head = _head(study)
     out = {
         e.name: "it belongs to the test, not to the structure"
         if isinstance(e, OF_THE_TEST)
         else "uncertain form that is zero within its standard deviation"
         for e in study.model.effects
-        if isinstance(e, OF_THE_TEST) or (e.is_form and e.name in none)
+        if isinstance(e, OF_THE_TEST) or (e.is_form and len(zero.get(e.name, {})) == len(e.parameters()))
     }
-    model = study.model.without_effect(*out)
+    left = {(name, p): absent for name, of in zero.items() if name not in out for p, absent in of.items()}
+    model = study.model.without_effect(*out).with_values(left)
     fitted = {ref: each for ref, each in nominal.items() if ref[0] not in found}
     # a part has its model in the other program: change that, rather than add thousands of entries to it
     parts = {e.name for e in model.effects if e.reduced_part}
@@ -206,8 +207,8 @@ def exported(study: StudyContents) -> Exported:
         for ref, each in sure.items()
         if ref not in moved
     ]
-    if len(sure) < len(fitted):
-        names = ", ".join(f"{e} {p}" for e, p in fitted if (e, p) not in sure)
+    if unsure := [*(ref for ref in fitted if ref not in sure), *left]:
+        names = ", ".join(f"{e} {p}" for e, p in unsure)
         notes.append(f"not in this file, fitted within a standard deviation of the value before: {names}")
     lines = (f"found by {head}", *_lines(found), *(f"{ref[0]}: {each.text}" for ref, each in moved.items()))
     return Exported(model, before if found or moved else model, found, lines, tuple(notes))
@@ -239,10 +240,13 @@ def _result(study: StudyContents) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _effects(study: StudyContents, result: Mapping[str, Any]) -> tuple[dict[str, str], set[str]]:
-    """Return the values of a study's [[effects]] in words by name, with standard deviations of a result.
+def _effects(
+    study: StudyContents, result: Mapping[str, Any], *, whole: bool = False
+) -> tuple[dict[str, str], dict[str, dict[str, float]]]:
+    """Return the values of a study's [[effects]] and [fitted_form] in words by name, with ± of a result.
 
-    The second value has the names of effects whose parameters are all zero within a standard deviation.
+    The second value has by name the parameters of forms that are zero within a standard deviation, each with
+    its value of no effect; the words leave them out. ``whole`` leaves nothing out.
     """
     std = {
         (e["name"], p["name"]): p["std"]
@@ -251,19 +255,24 @@ def _effects(study: StudyContents, result: Mapping[str, Any]) -> tuple[dict[str,
         if p["std"]
     }
     std |= {tuple(u["name"].rsplit(".", 1)): u["std"] for u in result.get("uncertain", []) if u["std"]}
-    out, none = {}, set[str]()
-    for table in tomllib.loads(study.text).get("effects", []):
-        name, candidate = table.get("name", f"known {table['candidate']}"), table["candidate"]
+    out: dict[str, str] = {}
+    zero: dict[str, dict[str, float]] = {}
+    tree = tomllib.loads(study.text)
+    added = [(t.get("name", f"known {t['candidate']}"), t["candidate"]) for t in tree.get("effects", [])]
+    for name, candidate in (*added, *((f"known {form}", form) for form in tree.get("fitted_form", {}))):
         effect = study.model.effect(name)
-        given = [
-            EffectParameter(p.name, p.value, p.unit, std.get((candidate, p.name), math.nan))
-            for p in effect.parameters()
+        known = [(p, std.get((candidate, p.name), math.nan)) for p in effect.parameters()]
+        zero[name] = {
+            p.name: p.absent
+            for p, error in known
+            if effect.is_form and not whole and abs(p.value - p.absent) <= error
+        }
+        kept = [(p, error) for p, error in known if p.name not in zero[name]]
+        values = [
+            words.parameter_text(EffectParameter(p.name, p.value, p.unit, error), p) for p, error in kept
         ]
-        values = map(words.parameter_text, given, effect.parameters())
         out[name] = f"{effect.where}: {', '.join(values)}"
-        if all(abs(g.value - p.absent) <= g.std for g, p in zip(given, effect.parameters(), strict=True)):
-            none.add(name)
-    return out, none
+    return out, zero
 
 
 def _nominal(model: Model, result: Mapping[str, Any]) -> dict[ParameterRef, Fitted]:

@@ -566,6 +566,10 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEE
     try:
         read = config.load_study(path, needs)
     except OSError as reason:
+        inside = Path(path) / "study.toml"
+        if isinstance(reason, IsADirectoryError) and inside.is_file():
+            msg = f"a folder; did you mean '{inside}'?"
+            raise StudyFileError(reason.errno, msg, str(path)) from reason
         raise StudyFileError(
             reason.errno, reason.strerror or str(reason), str(reason.filename or path)
         ) from reason

@@ -21,6 +21,7 @@ from fem.elements.properties import MemberProperties
 from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import Damping, Model
+from fem.sections.constants import NO_INERTIA_OF_TORSION
 from fem.sections.section import Section
 
 MODULUS = (0.3e6, 1.22e12)
@@ -322,7 +323,7 @@ def _contradictions(s: Section) -> Iterator[str]:
         yield f"J = {s.J:.4g} m⁴ is larger than Iy + Iz = {polar:.4g} m⁴, which is the most that J can be"
     elif 1e-9 * polar > s.J:
         yield f"J = {s.J:.4g} m⁴ is {s.J / polar:.1g} of Iy + Iz; foil has as little"
-    if s.Ip > 0 and not 0.5 * polar <= s.Ip <= 2 * polar:
+    if not any(0.5 * Ip <= s.Ip <= 2 * Ip for Ip in (polar, NO_INERTIA_OF_TORSION * polar)):
         yield f"Ip = {s.Ip:.4g} m⁴ is not Iy + Iz = {polar:.4g} m⁴"
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.common import Options, notes_of_mesh, warn
+from dovetail.commands.common import Options, assumptions, notes_of_mesh, warn
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
 from dovetail.file.contents import has_modes_alone, measured, without_held_out
@@ -37,7 +37,8 @@ def run(options: Options, progress: Progress) -> Answer:
         progress("drawing the faults")
         with replacing(options.picture) as scratch:
             render_faults(study.model, faults, scratch)
-    mesh, notes, more = study.model.mesh, notes_of_mesh(study), counted(len(warnings), "warning")
+    mesh, more = study.model.mesh, counted(len(warnings), "warning")
+    notes = [*notes_of_mesh(study), *assumptions(study)]
     refused = f"{options.study}: 'dovetail run' would refuse it: {refusals[0]}" if refusals else ""
     found = [
         {"kind": f.kind, "message": f.message, "points": f.points.tolist(), "lines": f.lines.tolist()}

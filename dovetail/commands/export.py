@@ -127,19 +127,18 @@ def _agreement(path: Path, source: SourceDeck, model: Model, unread: Sequence[st
     except MeshError as reason:
         return f"{path.name} cannot be read again: {reason}"
     head = f"{path.name}, read again: its natural frequencies"
+    by = f"{100 * error:.2g} %"
     if error < AGREEMENT:
-        return f"{head} agree with those of the study to {error:.1e}"
+        return f"{head} agree with those of the study to {by}"
     if unread:
         return (
-            f"{head} differ from those of the study by up to {error:.1e}: Dovetail does not read its "
+            f"{head} differ from those of the study by up to {by}: Dovetail does not read its "
             f"matrices ({', '.join(unread)}), so check that deck in its program"
         )
     if of_ends < AGREEMENT:
-        return (
-            f"{head} are those of the study, but for nodes behind released ends, which add up to {error:.1e}"
-        )
+        return f"{head} are those of the study, but for nodes behind released ends, which add up to {by}"
     return (
-        f"{head} differ from those of the study by up to {error:.1e}: the deck's elements may be too long, "
+        f"{head} differ from those of the study by up to {by}: the deck's elements may be too long, "
         "its sections may have a found form only nearly, or a note says what the cards lack"
     )
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_placing, positive
-from dovetail.commands.common import Options, noted, warn
+from dovetail.commands.common import Options, assumptions, noted, warn
 from dovetail.disk.output import OutputError, Progress, result_folder
 
 if TYPE_CHECKING:
@@ -125,8 +125,9 @@ def _from_test(options: Options, progress: Progress) -> Answer:
         for name, text in draft.files.items():
             (scratch / name).write_text(text, encoding="utf-8")
     (folder / ".dovetail").unlink(missing_ok=True)  # from now on it is the user's
+    assumed: list[str] = []
     try:
-        load_study(folder / STUDY, () if measured is None else ("sensors",))
+        assumed = assumptions(load_study(folder / STUDY, () if measured is None else ("sensors",)))
     except ValueError as reason:
         warn([f"the study needs a change before it can be used: {reason}"])
     others = [name for name in draft.files if name != STUDY]
@@ -137,6 +138,7 @@ def _from_test(options: Options, progress: Progress) -> Answer:
         [
             f"{folder / STUDY} is written{with_others}.",
             *noted(draft.notes),
+            *([*assumed, ""] if assumed else []),
             f"{change}Next:",
             f"  dovetail check {folder / STUDY}",
         ],

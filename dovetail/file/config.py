@@ -84,6 +84,7 @@ from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.io.deck_units import DeckUnits
+from fem.io.programs import program_of_text
 from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
 from updating.inference.parameters import Nuisance
@@ -167,6 +168,7 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> 
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as reason:
+        _refuse_deck(raw.decode("latin-1"), path.name)
         line = raw.count(b"\n", 0, reason.start) + 1
         msg = f"{path.name}, line {line}: the text is not UTF-8"
         raise StudyError(msg) from None
@@ -249,6 +251,14 @@ def _suspicion(text: str, reason: str) -> str:
     return f'; texts stand in quotes: "{word}"'
 
 
+def _refuse_deck(text: str, name: str) -> None:
+    """Refuse the text of a deck in place of a study."""
+    program = program_of_text(text)
+    if program is not None:
+        msg = f"{name}: it is a deck of {program}; 'dovetail new DIR --from {name}' makes a study of it"
+        raise StudyError(msg) from None
+
+
 def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
     """Return the values of a TOML text and where its keys stand."""
     try:
@@ -260,6 +270,7 @@ def _parsed(text: str, name: str) -> tuple[dict[str, Any], Source]:
             values["sections"] = {"file": values["sections"]}
         return values, Source(name, key_lines(text))
     except tomllib.TOMLDecodeError as reason:
+        _refuse_deck(text, name)
         msg = f"{name}: {reason}{_suspicion(text, str(reason))}"
     except RecursionError:
         msg = (
@@ -303,7 +314,8 @@ class _Parts:
         notes.append(
             f"no supports are given: {', '.join(grounded)} alone hold the structure"
             if grounded
-            else "no supports are given: the structure is free"
+            else "no supports are given: the structure is free. If something holds it, [[supports]] are "
+            "missing (in a deck SPC, *BOUNDARY or D)"
         )
 
 

@@ -112,6 +112,7 @@ def read_structure(
         If the file cannot be read.
     """
     notes: list[str] = []
+    sizes = DeckUnits.of(units)  # wrong units are no reason to read a deck as a mesh
     is_deck = program_of(file) is not None
     if is_deck and scale != 1:
         notes.append("the deck is read as a mesh: give --units in place of --mesh-scale for its sections")
@@ -119,7 +120,7 @@ def read_structure(
         try:
             deck = read_deck(file, units)
             if deck.properties:
-                made = _of_deck(deck, DeckUnits.of(units))
+                made = _of_deck(deck, sizes)
                 table = toml_table("[source]", {"file": named_from(folder, file), "units": _units(units)})
                 return replace(
                     made,
@@ -161,7 +162,7 @@ def _of_deck(deck: FrameDeck, units: DeckUnits) -> Structure:
     comments = "".join(f"{toml_comment(note)}\n" for note in mesh.notes)
     text = f"{comments}\n{tables_of(model, deck.damping)}" if comments else tables_of(model, deck.damping)
     hint = _units_hint(deck, units)
-    notes = (", ".join(counts), *mesh.notes, *([hint] if hint else []))
+    notes = (*([hint] if hint else []), ", ".join(counts), *mesh.notes)
     return Structure(mesh, text, {MESH: abaqus_text(mesh)}, True, notes, hint)
 
 

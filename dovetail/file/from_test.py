@@ -122,11 +122,11 @@ def draft_study(
     try:
         found, fine = _placed(points, nodes, mesh, placing, notes)
     except GeometryMatchError as reason:
-        hint = structure.units_hint or _size_hint(structure, points, nodes)
-        if not hint or reason.alternatives:
+        hint = _size_hint(structure, points, nodes)
+        if reason.alternatives or not (structure.units_hint or hint):
             raise
-        msg = f"{measured}: {hint} ({reason})"
-        raise StudyError(msg) from reason
+        # materials of no solid are the cause of a geometry that fits nowhere
+        raise StudyError(structure.units_hint or f"{measured}: {hint} ({reason})") from reason
     place = dict(zip(found.pairs[:, 0].tolist(), found.pairs[:, 1].tolist(), strict=True))
     at = {n: fine.points[place[i]] for i, n in enumerate(nodes) if i in place}
     off = [n for n in nodes if n not in at]

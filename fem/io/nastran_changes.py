@@ -108,6 +108,11 @@ class _NastranWriter:
         self.skew: set[int] = set()
         self.property_cards: dict[int, Card | None] = {}
         self.shifted: dict[int, bool] = {}
+        source = changes.source
+        self.material_cards = {
+            source.properties[k].material.name: self._material_card_of(k)
+            for k in np.unique(source.bars.properties).tolist()
+        }
 
     def edit(self) -> DeckEdit:
         """Return the cards."""
@@ -260,7 +265,7 @@ class _NastranWriter:
     # Materials and properties -------------------------------------------------------------------------------
 
     def _material_in_place(self, name: str, new: Material) -> None:
-        old = self.materials[int(name.split()[-1])]
+        old = self.material_cards[name]
         self._replace(old, *self._material_card(old, old.integer(0), new, self._old_material(name)))
         self.made.append((name, new, old.integer(0)))
 
@@ -295,11 +300,11 @@ class _NastranWriter:
             if of == name and _alike(m, new):
                 return n
         if name in known and _alike(known[name], new):
-            return int(name.split()[-1])
+            return self.material_cards[name].integer(0)
         n = next(self.free_material)
         self.made.append((name, new, n))
         if name in known:
-            old = self.materials[int(name.split()[-1])]
+            old = self.material_cards[name]
             self.out.lines += [*wrapped("$", new.name), *self._material_card(old, n, new, known[name])]
         else:
             u, rho = self.u, new.rho / self.deck.mass_factor
@@ -316,9 +321,19 @@ class _NastranWriter:
             self.property_cards[source] = self._found_property_card(source)
         return self.property_cards[source]
 
-    def _found_property_card(self, source: int) -> Card | None:
+    def _material_card_of(self, source: int) -> Card:
+        """Return the MAT1 of one of the source's properties, to which its card refers."""
+        card = self._property_card_of(source)
+        number = self._element_of(source).integer(3) if card is None else card.integer(1)
+        return self.materials[number]
+
+    def _element_of(self, source: int) -> Card:
+        """Return the first element of one of the source's properties."""
         bars = self.changes.source.bars
-        element = self.elements[int(bars.numbers[np.flatnonzero(bars.properties == source)[0]])]
+        return self.elements[int(bars.numbers[np.flatnonzero(bars.properties == source)[0]])]
+
+    def _found_property_card(self, source: int) -> Card | None:
+        element = self._element_of(source)
         if element.name == "CONROD":
             return None
         found = self.deck.by_number(*OF_ELEMENT[element.name])
@@ -383,7 +398,7 @@ class _NastranWriter:
         """Return a property without the factor that a G of its own in MAT1 makes of J and the shear areas."""
         if source < 0:
             return p
-        old = self.materials[int(self.changes.source.properties[source].material.name.split()[-1])]
+        old = self.material_cards[self.changes.source.properties[source].material.name]
         E, G, nu = elastic(old)
         factor = material_of("", E * self.u.stress, G * self.u.stress, nu, 1.0, 0.0)[1]
         sections = [

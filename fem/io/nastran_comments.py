@@ -1,9 +1,9 @@
 """Names that the comments of a Nastran deck give to properties, materials and bars.
 
 Pre-processors write names in comments: HyperMesh, Femap, Patran, ANSA and Simcenter in forms of their own. Of
-other comments, a line is a name if it is alone directly above a card and looks like one: at most four words
-and a letter, no comma, colon, semicolon or equals sign, no full stop at its end, neither a card nor a heading
-such as "elements".
+other comments, the last line directly above a card is a name if it looks like one: at most four words and a
+letter, no comma, colon, semicolon or equals sign, no full stop at its end, neither a card nor a heading such
+as "elements".
 """
 
 import re
@@ -13,6 +13,7 @@ from typing import Final
 
 from fem.io.deck import words
 from fem.io.nastran_names import HARMLESS, LINES, NAMED, READ
+from fem.mesh import free_name
 
 PROPERTIES: Final = words("PBAR PBARL PBEAM PBEAML PROD PTUBE")
 BARS: Final = words("CBAR CBEAM CROD CTUBE CONROD")
@@ -48,6 +49,8 @@ _QUALIFIERS: Final = words("BAR BEAM ROD LINE ELEMENT NODE NODAL BULK WITH AND U
 """Words of headings such as ``beam elements``, which are no names, and those that go with them."""
 
 _RULER = re.compile(r"[\W\d_]*")
+_HYPERMESH = re.compile(r"H[MW][A-Z]+\s")
+"""Comments of HyperMesh: names, which are read by number, and colours."""
 
 
 @dataclass(slots=True)
@@ -130,7 +133,10 @@ def names_of(comments: Comments, cards: Sequence[tuple[int, str, str]]) -> Names
         if len(given) == 1 and given[0]:
             plain.properties[number] = given[0]
     found.properties = plain.properties | found.properties
-    found.materials = plain.materials | found.materials
+    materials, found.materials = plain.materials | found.materials, {}
+    for number, name in materials.items():
+        # a study has its materials by name
+        found.materials[number] = free_name(name, name, {*found.materials.values()})
     return found
 
 
@@ -138,12 +144,12 @@ def _plain_name(lines: Sequence[str]) -> str:
     """Return the comment above a card if it is a name, else an empty text."""
     blank = max((k for k, line in enumerate(lines) if not line), default=-1)
     texts = [text for line in lines[blank + 1 :] if not _RULER.fullmatch(text := line.lstrip("$ "))]
-    if len(texts) != 1:
+    if not texts or _HYPERMESH.match(texts[-1]):
         return ""
-    name = _tidy(texts[0])
+    name = _tidy(texts[-1])
     parts = name.split()
     no_name = len(parts) > 4 or name.endswith(".") or set(name) & set(":;=?!*") or len(name) > LONGEST
-    if no_name or "," in texts[0] or _is_heading(name):
+    if no_name or "," in texts[-1] or _is_heading(name):
         return ""
     is_card = parts[0] == parts[0].upper() and parts[0].rstrip("*") in {*HARMLESS, *READ, *LINES, *NAMED}
     return "" if is_card else name

@@ -12,6 +12,7 @@ from fem.io.frame_sections import material_of, rod, with_shear
 from fem.io.nastran_deck import Card, NastranDeck
 from fem.io.nastran_sections import NEGLIGIBLE, SHAPES, section_of_constants, section_of_shape
 from fem.materials import PropertyError, negligible_density
+from fem.sections.constants import NO_INERTIA_OF_TORSION
 from fem.sections.section import Section
 
 BEAMS = ("CBAR", "CBEAM")
@@ -129,8 +130,8 @@ class Properties:
         scaled = with_shear(section, factor)
         if self.consistent or element.name != "CBAR":
             return scaled
-        # Polar moment of lumped CBARs over Iy + Iz: their lumped mass has no inertia of torsion
-        return replace(scaled, Ip=1e-12 * (scaled.Iy + scaled.Iz))
+        # lumped mass of CBARs has no inertia of torsion
+        return replace(scaled, Ip=NO_INERTIA_OF_TORSION * (scaled.Iy + scaled.Iz))
 
     def notes(self) -> Iterator[str]:
         """Yield what the mass of these bars is."""

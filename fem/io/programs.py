@@ -39,16 +39,19 @@ def program_of(path: Path) -> str | None:
 
 
 def program_by_text(path: Path) -> str | None:
-    """Return the program of the first line that only one of them has, None without such a line."""
+    """Return the program of a file as :func:`program_of_text` does; None if it cannot be read."""
     try:
         with path.open("rb") as file:
             # Bytes of a file in which a line that tells its program is looked for
             head = file.read(1_000_000)
     except (OSError, ValueError):
         return None
-    if b"\x00" in head:
-        return None
-    for line in head.decode("utf-8-sig", errors="replace").splitlines():
+    return None if b"\x00" in head else program_of_text(head.decode("utf-8-sig", errors="replace"))
+
+
+def program_of_text(text: str) -> str | None:
+    """Return the program of the first line that only one of them has, None without such a line."""
+    for line in text.splitlines():
         # Characters of a line that are looked at
         found = _program_of_line(line[:200].split("!")[0].strip().upper())
         if found is not None:

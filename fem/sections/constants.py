@@ -17,6 +17,9 @@ from fem.sections.walls import Walls
 LARGEST_SHEAR_COEFFICIENT = 10.0
 """Flat bars have large shear coefficients; above this, shear deformation no longer matters [-]."""
 
+NO_INERTIA_OF_TORSION = 1e-12
+"""Ip over Iy + Iz of a member whose mass has no inertia of torsion; 0 stands for Iy + Iz [-]."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionConstants:

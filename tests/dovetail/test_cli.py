@@ -486,3 +486,10 @@ def test_a_mesh_in_mm_is_named_before_the_number_of_its_elements(tmp_path, capsy
     assert main(["modes", str(study)]) == 2
     said = capsys.readouterr().err
     assert said.index("are the coordinates in mm") < said.index("elements")
+
+
+def test_a_misspelt_command_names_the_nearest(capsys):
+    assert main(["diagnoze", "study.toml"]) == 2
+    assert (
+        "there is no command 'diagnoze'; did you mean 'diagnose'? allowed are new" in capsys.readouterr().err
+    )

@@ -1,5 +1,6 @@
 """``dovetail export`` into the deck that a study was made of: cards that the deck takes as they are."""
 
+import json
 import re
 import warnings
 from collections.abc import Callable
@@ -315,7 +316,7 @@ def test_deck_with_the_cards_has_the_frequencies_of_the_study(made, case, capsys
 )
 def test_members_that_comments_name_share_a_card(tmp_path, monkeypatch, case):
     monkeypatch.chdir(tmp_path)
-    text = nastran()
+    text = nastran().replace("MAT1,", "$ metal\nMAT1,")
     for k in range(7):
         text = re.sub(rf"^(CBAR|CBEAM),{101 + PIECES * k},", rf"$ part{k}\n\g<0>", text, flags=re.MULTILINE)
     Path("frame.bdf").write_text(text)
@@ -323,6 +324,7 @@ def test_members_that_comments_name_share_a_card(tmp_path, monkeypatch, case):
     folder = Path("s")
     study = (folder / "study.toml").read_text()
     assert "part5" in study
+    assert {"[materials.metal]", '[materials."metal.2"]'} <= {*study.splitlines()}
     (folder / "found.toml").write_text(CASES[case](folder, study))
     assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
     expected = frequencies(folder / "found.toml")
@@ -341,6 +343,24 @@ def test_matrices_that_a_merged_deck_is_read_without_are_named(found, capsys):
     printed = capsys.readouterr().out
     assert "Dovetail does not read its matrices (M2GG)" in printed
     assert "released" not in printed
+
+
+def test_fitted_forms_within_their_deviation_are_left_out(found, capsys):
+    text = (found / "study.toml").read_text()
+    form = f"section_form:{member(found, 'node 14', 'node 15')}"
+    (found / "found.toml").write_text(f'{text}\n[fitted_form]\n"{form}" = {{ A = 0.02, Iy = 0.03 }}\n')
+    stds = {"A": 0.05, "Iy": 0.01}
+    uncertain = [{"name": f"{form}.{p}", "nominal": 0.0, "fitted": 0.1, "std": s} for p, s in stds.items()]
+    (found / "result.json").write_text(json.dumps({"uncertain": uncertain}))
+    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    printed = capsys.readouterr().out
+    assert "Iy 0.030 ± 0.010" in printed
+    left_out = (
+        f"note: not in this file, fitted within a standard deviation of the value before: known {form} A"
+    )
+    assert left_out in printed
+    assert not numbers(Path("cards.bdf").read_text(), "MAT1")  # A changes a section's mass by its density
+    assert re.search(r"frequencies agree with those of the study to [\d.e-]+ %", printed)
 
 
 def test_only_released_ends_explain_differences(found, capsys):

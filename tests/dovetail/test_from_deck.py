@@ -1,5 +1,6 @@
 """``dovetail new --from`` a deck: the study is the model of the deck."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -129,3 +130,74 @@ def test_no_file_is_written_over(reads, tmp_path):
     (tmp_path / "s" / "mesh.inp").write_text("mine")
     assert main(["new", str(tmp_path / "s"), "--force", "--from", str(reads(tapered()))]) == 2
     assert (tmp_path / "s" / "mesh.inp").read_text() == "mine"
+
+
+LUMPED = (
+    "$ mm, N, tonne\n$ post left\nPBARL,1,1,,TUBE\n+,25.,22.\nPBAR,2,1,400.,4.+4,1.+4,2.+4\n"
+    "MAT1,1,210000.,,.3,7.85-9\nGRID,1,,0.,0.,0.\nGRID,2,,0.,0.,500.\nGRID,3,,0.,0.,900.\n"
+    "CBAR,1,1,1,2,1.,0.,0.\nCBAR,2,2,2,3,1.,0.,0.\n"
+)
+"""Bars of lumped mass without inertia of torsion, free of supports [mm, t, s]."""
+
+
+def made(tmp_path, text):
+    """Return the study that ``new`` makes of a deck in mm, t and s."""
+    (tmp_path / "a.bdf").write_text(text)
+    assert main(["new", str(tmp_path / "s"), "--from", str(tmp_path / "a.bdf"), "--units", "mm-t-s"]) == 0
+    return tmp_path / "s" / "study.toml"
+
+
+def test_lumped_mass_without_inertia_of_torsion_is_no_fault(tmp_path, capsys):
+    study = made(tmp_path, f"{LUMPED}SPC1,1,123456,1\n")
+    assert "Ip = " in study.read_text()
+    assert main(["check", str(study)]) == 0
+    out = capsys.readouterr().out
+    assert "no faults found" in out
+    study.write_text(re.sub(r"Ip = .*", "Ip = 1e-9", study.read_text()))
+    main(["check", str(study)])
+    assert "is not Iy + Iz" in capsys.readouterr().out
+
+
+def test_unknown_units_of_a_deck_are_refused_alone(tmp_path, root, capsys):
+    (tmp_path / "a.bdf").write_text(f"{LUMPED}SPC1,1,123456,1\n")
+    test = root / "examples" / "first-frame" / "test.uff"
+    words = ["--from", str(tmp_path / "a.bdf"), str(test), "--units", "mm-N-t"]
+    assert main(["new", str(tmp_path / "s"), *words]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("dovetail: the units are 'mm-N-t'; allowed are")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("comment", ["", "$ Länge in mm\n"])
+def test_a_deck_in_place_of_a_study_is_named(tmp_path, capsys, comment):
+    (tmp_path / "a.bdf").write_text(comment + LUMPED, encoding="latin-1")
+    assert main(["compare", str(tmp_path / "a.bdf")]) == 2
+    message = "a.bdf: it is a deck of Nastran; 'dovetail new DIR --from a.bdf' makes a study of it"
+    assert message in capsys.readouterr().err
+
+
+def test_a_folder_in_place_of_a_study_names_the_study_in_it(tmp_path, capsys):
+    assert main(["check", str(tmp_path)]) == 2
+    assert "did you mean" not in capsys.readouterr().err
+    (tmp_path / "study.toml").write_text("")
+    assert main(["check", str(tmp_path)]) == 2
+    assert f"a folder; did you mean '{tmp_path / 'study.toml'}'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("support", "words"),
+    [
+        ("", "the structure is free. If something holds it, [[supports]] are missing (in a deck SPC"),
+        ("CBUSH,9,9,1,,,,,0\nPBUSH,9,K,1.+3,1.+3,1.+3,1.+6,1.+6,1.+6\n", "CBUSH 9 alone hold"),
+        ("SPC1,1,123456,1\n", ""),
+    ],
+)
+def test_a_structure_without_supports_is_noted_and_is_no_fault(tmp_path, capsys, support, words):
+    study = made(tmp_path, f"{LUMPED}{support}")
+    new = capsys.readouterr().out
+    assert main(["check", str(study)]) == 0
+    check = capsys.readouterr().out
+    assert "no faults found" in check
+    for out in (new, check):
+        assert words in out
+        assert ("no supports are given" in out) == bool(words)

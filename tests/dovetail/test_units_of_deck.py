@@ -53,7 +53,7 @@ def test_a_note_names_the_units_that_make_usual_materials(tmp_path, capsys, E, r
 @pytest.mark.parametrize(
     ("E", "rho", "words"),
     [
-        ("210000.", "7.85-9", "a.bdf looks like a deck in mm-t-s: give --units mm-t-s"),
+        ("210000.", "7.85-9", "dovetail: a.bdf looks like a deck in mm-t-s: give --units mm-t-s"),
         (
             "2.1+11",
             "7850.",

@@ -34,9 +34,12 @@ def members(folder, text):
         (f"$----------\n$ legs\n$----------\n{TUBE}$\n$ rails\n$\n{FLAT}{STEEL}", {"legs", "rails"}),
         (f"$ made by hand\n\n$ legs\n{TUBE}$ rails\n{FLAT}{STEEL}", {"legs", "rails"}),
         (f"$ legs\n\n{TUBE}{STEEL}$ rails\n{FLAT}", {"property 1", "rails"}),
+        # the last line, whatever is above it
+        (f"$ mm, N, tonne\n$ legs\n{TUBE}$ made by hand\n$ ---\n$ rails\n{FLAT}{STEEL}", {"legs", "rails"}),
+        (f'$HMNAME COMP 7"c"\n$HWCOLOR COMP 1 3\n{TUBE}{STEEL}{FLAT}', PLAIN),
         # above several cards, several lines, headings, sentences, cards, rulers
         (f"$ sections of 2024\n{TUBE}{FLAT}{STEEL}", PLAIN),
-        (f"$ legs\n$ of the gantry\n{TUBE}{STEEL}{FLAT}", PLAIN),
+        (f"$ legs, of the gantry\n$ and its rails.\n{TUBE}{STEEL}{FLAT}", PLAIN),
         (f"$ Properties\n{TUBE}{STEEL}$ERROR = 0\n{FLAT}", PLAIN),
         (f"$ELEMENTS_WITH_PROPERTIES\n{TUBE}{STEEL}$ Beam elements\n{FLAT}", PLAIN),
         (f"$ the legs are tubes of steel\n{TUBE}{STEEL}$ rails.\n{FLAT}", PLAIN),
