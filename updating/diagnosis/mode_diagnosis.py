@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fem.declarations import Role
 from fem.model import Effect, Model
-from fem.summary import percent, summary
+from fem.summary import percent
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.elsewhere import weigh_elsewhere
 from updating.diagnosis.evidence.diagnosis import Searched, search_promised, searched
@@ -128,7 +128,7 @@ class Calibrated:
         return out
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class ModeDiagnosis(Verdict):
     """What is missing by measured modes, and how sure that is.
 
@@ -148,10 +148,6 @@ class ModeDiagnosis(Verdict):
     modes: ModeTable
     baseline: Calibrated | None = None
     judged: Baseline | None = None
-
-    def __repr__(self) -> str:
-        """Return verdict and reason on one line."""
-        return summary(self, f"{self.verdict}: {self.reason}")
 
     @property
     def stairs(self) -> Stairs:
