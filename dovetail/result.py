@@ -410,6 +410,7 @@ def _of_modes(d: ModeDiagnosis) -> dict[str, Any]:
         "zeta": m.zeta,
         "zeta_found": m.zeta_found,
         "mac_nominal": m.mac_nominal,
+        "mac_fitted": m.mac_fitted,
         "mac_found": m.mac_found,
         "held_out": m.held_out,
         "found_std": m.found_std,
