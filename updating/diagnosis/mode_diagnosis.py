@@ -40,6 +40,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.formed import Formed
 from updating.inference.heartbeat import EndEarlyError, Progress, ending_early
 from updating.inference.mode_fit import (
+    DAMPING,
     FREQUENCY,
     LARGEST_DISCREPANCY,
     LEAST_DISCREPANCY,
@@ -331,8 +332,9 @@ def _table(
 
 def _reason(d: ModeDiagnosis) -> str:
     """Return why the verdict is what it is."""
-    before, after = (f"{100 * d.modes.errors(f, False):.2g}" for f in (d.modes.fitted, d.modes.found))
-    text = reason_of(d, d.searched, "error of the natural frequencies", "%", before, after, _lead_error(d))
+    quantity, *errors = _deciding_errors(d)
+    before, after = (f"{100 * error:.2g}" for error in errors)
+    text = reason_of(d, d.searched, f"error of the {quantity}", "%", before, after, _lead_error(d))
     n, shared = len(d.credible), f"{len(d.credible)} explanations share {CREDIBLE:.0%}".replace("%", " %")
     if d.verdict == EFFECT and not d.sure:
         none = ", none is sure" if d.explanations[0].probability < HALF else ""
@@ -341,6 +343,38 @@ def _reason(d: ModeDiagnosis) -> str:
     elif n > 1 and d.verdict not in (UNEXPLAINED, UNFINISHED):
         text = f"{text}; {shared}"
     return "; ".join([text, *(b.text for b in d.bad_readings)])
+
+
+def _deciding_errors(d: ModeDiagnosis) -> tuple[str, float, float]:
+    """Return the quantity by which the effects raise the likelihood most, and its errors without and with them.
+
+    Root mean squares of ln ratios of frequencies or damping ratios, or of √(1 - MAC) of shapes [-]. Without
+    effects those of the frequencies.
+    """
+    before, after = d.searched.search.known[frozenset()].fitted, d.final.fitted
+    levels, kind = after.levels, FREQUENCY
+    if d.found:
+        assert isinstance(levels, ModeLevels)
+        # The likelihood is a product over the kinds, of which the rest stays as it was without effects.
+        costs = {
+            k: levels.cost(np.where(levels.kind == k, after.misfit, before.misfit))
+            for k in np.unique(levels.kind)
+        }
+        kind = min(costs, key=lambda k: costs[k])
+    if kind == FREQUENCY:
+        return (
+            "natural frequencies",
+            d.modes.errors(d.modes.fitted, False),
+            d.modes.errors(d.modes.found, False),
+        )
+    t = d.problem.targets
+    errors: list[float] = []
+    for fitted in (before, after):
+        c = d.problem.computed(fitted)
+        off = np.log(c.zeta / t.zeta) if kind == DAMPING else np.sqrt(np.maximum(1 - c.mac, 0.0))
+        off = off[t.fitted][d.modes.belongs[t.fitted]]
+        errors.append(float(np.sqrt(np.nanmean(off**2))))
+    return "damping ratios" if kind == DAMPING else "mode shapes, √(1 − MAC),", *errors
 
 
 def _unexplained(d: ModeDiagnosis) -> tuple[str, ...]:
