@@ -627,7 +627,7 @@ def test_what_an_effect_replaced_has_not_moved(found):
     first, second, *others = (replace(u, fitted=u.nominal, at_bound=False) for u in found.uncertain)
     gone, far = replace(first, fitted=np.nan), replace(second, fitted=second.nominal + 2 * second.std)
     text, table = uncertain.page(replace(found, uncertain=(gone, *others, far)), None).blocks
-    assert f"The first 1 of {len(found.uncertain)} moved" in str(text)
+    assert f"The first 1 of {len(found.uncertain)} moved by more than the ± of their fitted" in str(text)
     assert [row[0] for row in table.rows[:2]] == [far.words, gone.words]
 
 

@@ -346,7 +346,7 @@ def _reason(d: ModeDiagnosis) -> str:
 
 
 def _deciding_errors(d: ModeDiagnosis) -> tuple[str, float, float]:
-    """Return the quantity by which the effects raise the likelihood most, and its errors without and with them.
+    """Return the quantity by which effects raise the likelihood most, and its errors without and with them.
 
     Root mean squares of ln ratios of frequencies or damping ratios, or of √(1 - MAC) of shapes [-]. Without
     effects those of the frequencies.
