@@ -32,7 +32,7 @@ from fem.io.nastran_write import nastran_text
 from fem.io.source_changes import DeckEdit
 from fem.model import Model, ParameterRef, parameter_values
 from fem.system import assemble
-from updating.diagnosis.findings import EffectParameter
+from updating.diagnosis.findings import EffectParameter, scale_of
 
 WRITERS: Mapping[str, Callable[..., str]] = {
     "nastran": nastran_text,
@@ -256,7 +256,9 @@ def _effects(study: StudyContents, result: Mapping[str, Any]) -> tuple[dict[str,
         name, candidate = table.get("name", f"known {table['candidate']}"), table["candidate"]
         effect = study.model.effect(name)
         given = [
-            EffectParameter(p.name, p.value, p.unit, std.get((candidate, p.name), math.nan))
+            EffectParameter(
+                p.name, p.value, p.unit, std.get((candidate, p.name), math.nan), scale=scale_of(p)
+            )
             for p in effect.parameters()
         ]
         values = map(words.parameter_text, given, effect.parameters())
