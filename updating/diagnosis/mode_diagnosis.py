@@ -368,13 +368,14 @@ def _deciding_errors(d: ModeDiagnosis) -> tuple[str, float, float]:
             d.modes.errors(d.modes.found, False),
         )
     t = d.problem.targets
-    errors: list[float] = []
-    for fitted in (before, after):
+
+    def error(fitted: FitResult) -> float:
         c = d.problem.computed(fitted)
         off = np.log(c.zeta / t.zeta) if kind == DAMPING else np.sqrt(np.maximum(1 - c.mac, 0.0))
-        off = off[t.fitted][d.modes.belongs[t.fitted]]
-        errors.append(float(np.sqrt(np.nanmean(off**2))))
-    return "damping ratios" if kind == DAMPING else "mode shapes, √(1 − MAC),", *errors
+        return float(np.sqrt(np.nanmean(off[t.fitted][d.modes.belongs[t.fitted]] ** 2)))
+
+    quantity = "damping ratios" if kind == DAMPING else "mode shapes, √(1 − MAC),"
+    return quantity, error(before), error(after)
 
 
 def _unexplained(d: ModeDiagnosis) -> tuple[str, ...]:
