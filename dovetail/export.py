@@ -32,7 +32,7 @@ from fem.io.nastran_write import nastran_text
 from fem.io.source_changes import DeckEdit
 from fem.model import Model, ParameterRef, parameter_values
 from fem.system import assemble
-from updating.diagnosis.findings import EffectParameter
+from updating.diagnosis.findings import EffectParameter, scale_of
 
 WRITERS: Mapping[str, Callable[..., str]] = {
     "nastran": nastran_text,
@@ -267,9 +267,10 @@ def _effects(
             for p, error in known
             if effect.is_form and not whole and abs(p.value - p.absent) <= error
         }
-        kept = [(p, error) for p, error in known if p.name not in zero[name]]
         values = [
-            words.parameter_text(EffectParameter(p.name, p.value, p.unit, error), p) for p, error in kept
+            words.parameter_text(EffectParameter(p.name, p.value, p.unit, error, scale=scale_of(p)), p)
+            for p, error in known
+            if p.name not in zero[name]
         ]
         out[name] = f"{effect.where}: {', '.join(values)}"
     return out, zero

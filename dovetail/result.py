@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.distribution import DISTRIBUTION
 from dovetail.file.contents import StudyContents
 from fem.model import Effect
+from fem.summary import summary
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.diagnosis import Diagnosis
@@ -187,6 +188,10 @@ class RunResult(Generic[V]):
     identified: "ModesInFrfs | None" = None
     excluded: Plan | None = None
     reported: ReportedModes | None = None
+
+    def __repr__(self) -> str:
+        """Return the study, the diagnosis, and where the report is on one line."""
+        return summary(self, f"{self.study.name!r}: {self.diagnosis!r}; report: {self.report}")
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -405,6 +410,7 @@ def _of_modes(d: ModeDiagnosis) -> dict[str, Any]:
         "zeta": m.zeta,
         "zeta_found": m.zeta_found,
         "mac_nominal": m.mac_nominal,
+        "mac_fitted": m.mac_fitted,
         "mac_found": m.mac_found,
         "held_out": m.held_out,
         "found_std": m.found_std,

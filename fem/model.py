@@ -28,7 +28,7 @@ from fem.declarations import (
 )
 from fem.ground import MovingGround
 from fem.mesh import Mesh
-from fem.summary import damping_summary, effect_summary, fields_summary, model_summary
+from fem.summary import damping_summary, effect_summary, fields_summary, model_summary, span
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """The six degrees of freedom of a point, in their order."""
@@ -485,7 +485,10 @@ class Damping:
             )
             raise ModelError(msg)
         if not ((ratio >= 0) & (ratio < 1)).all():
-            msg = f"damping ratios are {ratio.tolist()}; they lie between 0 and 1 (0.01 is one per cent)"
+            msg = (
+                f"the damping ratios are {span(ratio)}, and lie between 0 and 1; if they are in per cent, "
+                "divide them by 100 (1 % is 0.01)"
+            )
             raise ModelError(msg)
         if powers and not ((ratio > 0).all() and (frequency > 0).all()):
             msg = "damping ratios that are powers of frequency are given above 0, at frequencies above 0 Hz"

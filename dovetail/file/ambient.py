@@ -9,6 +9,7 @@ import numpy as np
 from dovetail.file.sensors import Channel
 from dovetail.file.table import StudyTable, as_vector
 from fem.analysis.frf import FRFKind
+from fem.io.faults import no_file
 from fem.io.time_data import TimeData, motion_unit, read_time_data
 from updating.measurement.measurement import Sensor
 
@@ -96,7 +97,7 @@ def read_channels(test: AmbientTest) -> tuple[AmbientChannels, ...]:
     t, every = test.table, []
     for path in test.paths:
         if not path.is_file():
-            t.refuse("file", f"there is no file '{path}'")
+            t.refuse("file", no_file(path))
         with t.at("file"):
             every.append(read_time_data(path, test.sample_rate))
     channels = list(dict.fromkeys(name for data in every for name in data.channels))

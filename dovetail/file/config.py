@@ -84,6 +84,7 @@ from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.io.deck_units import DeckUnits
+from fem.io.faults import existing
 from fem.io.programs import program_of_text
 from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
@@ -164,7 +165,7 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> 
     """
     path = Path(path)
     refuse_device(path)
-    raw = path.read_bytes()
+    raw = existing(path).read_bytes()
     try:
         text = raw.decode("utf-8")
     except UnicodeDecodeError as reason:

@@ -23,6 +23,7 @@ from fem.effects.viscoelastic import LAWS, TabulatedStiffness, Viscoelastic
 from fem.elements.frame import Frame
 from fem.elements.part_faces import PartFaces
 from fem.elements.part_ties import TIES, Attachment
+from fem.io.faults import no_file
 from fem.matrices import Matrices
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Effect
@@ -307,7 +308,7 @@ def read_foreign_parts(top: StudyTable, geometry: Geometry, folder: Path) -> tup
         sets, deck = t.text("node_sets", ""), t.text("deck", "")
         for key, other in (("deck", deck), ("node_sets", sets)):
             if other and not (folder / other).is_file():
-                t.refuse(key, f"there is no file '{folder / other}'")
+                t.refuse(key, no_file(folder / other))
         with t.at("file"):
             places = folder / deck if deck else None
             part = fem.io.read_matrices(path, units, deck=places)

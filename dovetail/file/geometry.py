@@ -1,6 +1,5 @@
 """The mesh of a study: from a file, or from points and members written into the study."""
 
-import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from dovetail.file.table import StudyTable, as_vector, suggest
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.io import read_mesh
+from fem.io.faults import no_file
 from fem.mesh import Mesh, MeshError, MeshWarning, merge_names
 from fem.model import Model
 from fem.plausibility import Suspicion, si_number, suspicions
@@ -206,7 +206,7 @@ def read_geometry(top: StudyTable, folder: Path, notes: list[str]) -> Geometry:
             points.refuse("", "[points] and [mesh] file both define the geometry; remove one of them")
         path = folder / file
         if not path.is_file():
-            mesh.refuse("file", f"there is no file '{os.fspath(path)}'")
+            mesh.refuse("file", no_file(path))
         with mesh.at("file"), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             sets = mesh.text("sets", None)

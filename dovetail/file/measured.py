@@ -1,6 +1,5 @@
 """The measured files of a study: reading, and matching with sensors."""
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from dovetail.file.table import StudyTable
 from fem.analysis.frf import FRF, TRANSMISSIBILITY, WITHOUT_PHASE, FRFError, FRFKind
 from fem.io import UFF_SUFFIXES
 from fem.io.arrays import named_arrays
+from fem.io.faults import no_file
 from fem.io.frf_files import read_frfs, reader_of
 from fem.io.frf_join import joined
 from fem.io.frf_reading import FORMS, Asked, Reading
@@ -191,7 +191,7 @@ def _axis_factor(t: StudyTable, unit: str, labels: Sequence[str]) -> float:
 def _existing(t: StudyTable, key: str, folder: Path, file: str) -> Path:
     path = folder / file
     if not path.is_file():
-        t.refuse(key, f"there is no file '{os.fspath(path)}'")
+        t.refuse(key, no_file(path))
     return path
 
 

@@ -16,6 +16,7 @@ from fem.analysis.modes import Modes
 from fem.effects import candidate_kinds
 from fem.io import UFF_SUFFIXES, read_modes, read_npz_mode_std
 from fem.io.arrays import MODE_STD
+from fem.io.faults import no_file
 from fem.io.uff import read_quietly
 from fem.model import Effect, Model, ParameterRef
 from updating.correlation.complexity import LARGEST_MPD, LEAST_MPC
@@ -220,7 +221,7 @@ def _raw_modes_of(
         t.refuse("zeta", "damping ratios stand in the file; give them with frequency")
     path = folder / file
     if not path.is_file():
-        t.refuse("file", f"there is no file '{path}'")
+        t.refuse("file", no_file(path))
     nodes: dict[int, np.ndarray] = {}
     std: dict[str, np.ndarray] = {}
     with t.at("file"):

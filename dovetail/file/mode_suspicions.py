@@ -95,15 +95,18 @@ def _unit(measured: MeasuredModes, model: Model) -> str:
     # Largest median deviation of these logarithms from their median, above which no unit is at fault [-]
     if np.median(np.abs(ratio - level)) > 0.15:
         return ""
-    others = {unit: size for unit, size in FREQUENCY_UNITS.items() if size != 1 and unit != "cpm"}
-    unit = min(others, key=lambda u: abs(level + np.log(others[u])))
+    others = {unit: np.log(size) for unit, size in FREQUENCY_UNITS.items() if size != 1 and unit != "cpm"}
+    unit, log_size = min(others.items(), key=lambda each: abs(abs(level) - abs(each[1])))
     # Largest deviation of ln(measured / computed) from that of another unit [-]
-    if abs(level + np.log(others[unit])) > 0.3:
+    if abs(abs(level) - abs(log_size)) > 0.3:
         return ""
+    heading = f"'frequency [{unit}]'"
+    why = f"they are in {unit}, and have to be given in Hz or, in a table, below {heading}"
+    if level * log_size > 0:  # converted although they were in Hz
+        why = f"they were converted from {unit} and were in Hz already, as below a heading {heading} over Hz"
     return (
         f"the natural frequencies, {f[0]:.4g} to {f[-1]:.4g} Hz, are {np.exp(level):.3g} times the model's: "
-        f"either they are in {unit}, and have to be given in Hz or, in a table, below 'frequency [{unit}]', "
-        "or the model is off by as much"
+        f"either {why}, or the model is off by as much"
     )
 
 

@@ -20,6 +20,7 @@ from fem.effects.support import Support
 from fem.elements.axes import local_axes
 from fem.elements.properties import MASSES, THEORIES, MemberProperties
 from fem.io import read_modes
+from fem.io.faults import no_file
 from fem.materials import Material
 from fem.mesh import Mesh, merge_names
 from fem.model import DIRECTIONS, Damping, Effect
@@ -67,7 +68,7 @@ def read_sections(top: StudyTable, folder: Path, notes: list[str]) -> Sections:
     if isinstance(t.values.get("file"), str):
         path = folder / t.text("file")
         if not path.is_file():
-            t.refuse("file", f"there is no file '{path}'")
+            t.refuse("file", no_file(path))
         with t.at("file"):
             rows = section_rows(path, notes)
     written = {name: t.table(name) for name in t.values if name != "file" or not rows}
@@ -432,7 +433,7 @@ def _ratios_of_file(t: StudyTable, folder: Path) -> tuple[np.ndarray, np.ndarray
     """Return frequencies and damping ratios of the modes in a file, for instance identified ones."""
     path = folder / t.text("file")
     if not path.is_file():
-        t.refuse("file", f"there is no file '{path}'")
+        t.refuse("file", no_file(path))
     with t.at("file"):
         modes = read_modes(path)
     if modes.zeta is None or not (modes.frequency > 0).any():

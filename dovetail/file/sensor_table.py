@@ -11,6 +11,7 @@ from typing import Any
 from dovetail.file.lines import Path as KeyPath
 from dovetail.file.table import Source, StudyError, StudyTable
 from fem.io.columns import text_of
+from fem.io.faults import no_file
 from updating.measurement.matching import SCALES
 
 NUMBERS = ("gain", "mass", "sign", "phase", "position", "node", "offset_y", "offset_z")
@@ -89,7 +90,7 @@ def sensor_tables(t: StudyTable, folder: Path, notes: list[str]) -> Iterator[Stu
     t.finish()
     path = folder / name
     if not path.is_file():
-        t.refuse("file", f"there is no file '{path}'")
+        t.refuse("file", no_file(path))
     with t.at("file"):
         head, body = cells_of(path)
         columns, units = _columns(path.name, head[1], notes)

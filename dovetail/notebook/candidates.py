@@ -47,9 +47,15 @@ def _names(effect: Effect, kind: str) -> tuple[str, ...]:
 
 
 class Candidates(tuple[Effect, ...]):
-    """Effects that may be added to a model, as a tuple that can be filtered by place and shown as a table."""
+    """Effects that may be added to a model, as a tuple that can be filtered by place and shown as a table.
 
-    __slots__ = ()
+    Attributes
+    ----------
+    asked : tuple of str
+        Places that :meth:`at` was asked for; empty without it.
+    """
+
+    asked: tuple[str, ...] = ()
 
     @overload
     def __getitem__(self, key: SupportsIndex) -> Effect: ...
@@ -97,7 +103,9 @@ class Candidates(tuple[Effect, ...]):
             if place not in known:
                 msg = f"no candidate is at '{place}'; {suggest(place, known)}"
                 raise ModelError(msg)
-        return Candidates(e for e in self if set(places) & set(places_of(e)))
+        out = Candidates(e for e in self if set(places) & set(places_of(e)))
+        out.asked = places
+        return out
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a mapping for each candidate: name, kind, where, places, and its parameters."""
@@ -134,9 +142,10 @@ class Candidates(tuple[Effect, ...]):
         return imported("pandas").DataFrame(rows)
 
     def __repr__(self) -> str:
-        """Return their number, kinds and places on one line."""
+        """Return their number, kinds, and the places asked for, or all of them, on one line."""
         kinds = counted(len({e.kind for e in self}), "kind")
-        places = ", ".join(self.places[:6]) + (" …" if len(self.places) > 6 else "")
+        at = self.asked or self.places  # effects at several places have more than those asked for
+        places = ", ".join(at[:6]) + (" …" if len(at) > 6 else "")
         return f"<{counted(len(self), 'candidate')} of {kinds} at {places or 'no place'}>"
 
     def _repr_html_(self) -> str:

@@ -71,7 +71,9 @@ def _superscript(exponent: int) -> str:
     return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-def with_unit(value: float, unit: str, std: float = math.nan, like: float | None = None) -> str:
+def with_unit(
+    value: float, unit: str, std: float = math.nan, like: float | None = None, digits: int = 3
+) -> str:
     """Return a value with its standard deviation, as many digits as that leaves, and its unit.
 
     Newtons and pascals get a prefix where the value is large; that of ``like`` if it is given.
@@ -88,7 +90,7 @@ def with_unit(value: float, unit: str, std: float = math.nan, like: float | None
     after = f"\u00a0{prefix}{unit}" if unit != "-" else ""
     value, std = value / factor, std / factor
     if not math.isfinite(std) or std <= 0:
-        return number(value) + after
+        return number(value, digits) + after
     decimals = 1 - math.floor(math.log10(std))
     if not -3 <= decimals <= 6:
         return f"{number(value)} ± {number(std, 2)}{after}"
@@ -111,7 +113,8 @@ def reciprocal(p: EffectParameter) -> EffectParameter | None:
     if form is None:
         return None
     std = p.std / p.value**2 if p.value and math.isfinite(p.value) else math.nan
-    return replace(p, name=form[0], value=inverse(p.value), unit=form[1], std=std)
+    scale = {"linear": "reciprocal", "reciprocal": "linear"}.get(p.scale, p.scale)
+    return replace(p, name=form[0], value=inverse(p.value), unit=form[1], std=std, scale=scale)
 
 
 def absent_value(p: Parameter) -> float:
@@ -120,10 +123,18 @@ def absent_value(p: Parameter) -> float:
 
 
 def fitted_text(p: EffectParameter) -> str:
-    """Return a fitted value with its standard deviation, or that it is at its bound, where it has none."""
+    """Return a fitted value with its standard deviation, or that it is at its bound, where it has none.
+
+    Where the deviation is large, with the interval that it means on the scale of the fit.
+    """
     if p.at_bound:
         return f"{with_unit(p.value, p.unit)} (at its bound)"
-    return with_unit(p.value, p.unit, p.std)
+    # From a third of the value on, value ± std is off by half of the deviation where 1/value is normal.
+    if p.scale == "linear" or not abs(p.value) / 3 < p.std < math.inf:
+        return with_unit(p.value, p.unit, p.std)
+    low, high = (with_unit(x, p.unit, like=p.value, digits=2) for x in p.interval)
+    ends = f"above {low}" if math.isinf(p.interval[1]) else f"{low.split(chr(160))[0]} to {high}"
+    return f"{with_unit(p.value, p.unit, digits=2)} ({ends})"
 
 
 def parameter_text(p: EffectParameter, of: Parameter | None = None) -> str:

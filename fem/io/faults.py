@@ -1,5 +1,9 @@
 """Errors of readers and writers."""
 
+import errno
+import os
+from difflib import get_close_matches
+from pathlib import Path
 from typing import NoReturn, TypeVar
 
 from fem.mesh import MeshError
@@ -15,3 +19,38 @@ def error_at(place: object, words: str, error: type[E] = MeshError) -> E:
 def refuse(words: str, error: type[ValueError] = ValueError) -> NoReturn:
     """Raise an error; a ValueError gets its place from a caller."""
     raise error(words)
+
+
+class MissingFileError(FileNotFoundError):
+    """A file that does not exist; the message names it, its folder, and files there of like names."""
+
+    def __str__(self) -> str:
+        """Return the file and the reason."""
+        return f"{self.filename}: {self.strerror}"
+
+
+def existing(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a file.
+
+    Raises
+    ------
+    MissingFileError
+        If there is none.
+    """
+    if not (path := Path(path)).exists():
+        raise MissingFileError(errno.ENOENT, f"no such file in {_searched(path)}", str(path))
+    return path
+
+
+def no_file(path: Path) -> str:
+    """Return that there is no such file, the folder searched, and files there of like names."""
+    return f"there is no file '{path.name}' in {_searched(path)}"
+
+
+def _searched(path: Path) -> str:
+    folder = path.parent.absolute()
+    if not folder.is_dir():
+        return f"'{folder}', which is no folder"
+    files = [p.name for p in folder.iterdir() if p.suffix == path.suffix or p.stem == path.stem]
+    close = get_close_matches(path.name, files, 1, 0.6)
+    return f"'{folder}'" + (f"; did you mean '{close[0]}'?" if close else "")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fem.io.arrays import TableError, named_arrays, read_npz, typed
 from fem.io.column_frf import frf_of_columns
-from fem.io.faults import error_at
+from fem.io.faults import error_at, existing
 from fem.io.frf_reading import Asked, Reading
 from fem.io.mat_hdf5 import HDF5_MARK, read_hdf5, read_mat
 from fem.io.named_frf import frf_of_arrays
@@ -118,7 +118,7 @@ def reader_of(path: Path) -> FRFReader:
     TableError
         If neither is known; the message lists what is.
     """
-    with path.open("rb") as file:
+    with existing(path).open("rb") as file:
         head = file.read(_HEAD)
     suffix = path.suffix.lower()
     found = next((r for r in READERS if r.begins(head)), None)

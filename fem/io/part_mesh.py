@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fem.elements.part_faces import PartFaces
+from fem.io.faults import no_file
 from fem.io.meshio_mesh import load
 from fem.matrices import Matrices, MatricesError, consistent_units
 from fem.mesh import MeshError
@@ -35,8 +36,7 @@ def read_part_faces(
     """
     file = Path(path)
     if not file.is_file():
-        msg = f"there is no file '{file}'"
-        raise MatricesError(msg)
+        raise MatricesError(no_file(file))
     try:
         found, _ = load(file)
     except MeshError as reason:

@@ -7,7 +7,7 @@ from typing import Any
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFKind
 from fem.analysis.modes import Modes
 from fem.io.arrays import TableError, read_npz_modes
-from fem.io.faults import error_at
+from fem.io.faults import error_at, existing
 from fem.io.frf_files import READERS, read_frfs, reader_of
 from fem.io.frf_reading import Asked
 from fem.io.uff import read_uff
@@ -55,7 +55,7 @@ def read_modes(path: str | os.PathLike[str]) -> Modes:
     UffError, TableError
         If the file has no modes, several groups of them, or cannot be read.
     """
-    suffix = Path(path).suffix.lower()
+    suffix = existing(path).suffix.lower()
     if suffix == ".npz":
         return read_npz_modes(path)
     if suffix not in UFF_SUFFIXES:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dovetail import main
+from dovetail import StudyError, load_study, main
 from fem import FRF, Mesh
-from fem.io import write_csv, write_npz, write_uff
+from fem.io import read_frf, write_csv, write_npz, write_uff
 from tests.studies import study_file
 
 GOOD = """\
@@ -309,8 +309,15 @@ def test_syntax_and_encoding(tmp_path, capsys):
 
 
 def test_missing_files(tmp_path, capsys):
-    assert main(["modes", str(tmp_path / "none.toml")]) == 2
-    assert capsys.readouterr().err == f"dovetail: {tmp_path / 'none.toml'}: No such file or directory\n"
+    path = tmp_path / "none.toml"
+    assert main(["modes", str(path)]) == 2
+    assert capsys.readouterr().err == f"dovetail: {path}: no such file in '{tmp_path}'\n"
+    (tmp_path / "study.toml").touch()
+    (tmp_path / "hammer.csv").touch()
+    with pytest.raises(StudyError, match=r"studi.toml: no such file in '.*'; did you mean 'study.toml'\?"):
+        load_study(tmp_path / "studi.toml")
+    with pytest.raises(FileNotFoundError, match=r"hamer.csv: no such file .*; did you mean 'hammer.csv'\?"):
+        read_frf(tmp_path / "hamer.csv")
     fails(tmp_path, capsys, GOOD + FILE, "measurements[1].file: there is no file", "m.npz")
     fails(tmp_path, capsys, '[mesh]\nfile = "frame.msh"\n', "line 2, mesh.file: there is no file")
     fails(tmp_path, capsys, "# nothing\n", "there is no structure")

@@ -203,6 +203,7 @@ def test_every_candidate_can_be_added_by_its_name(root):
         *study.candidates().names,
     }
     assert all("joint:J" in places_of(e) for e in found)
+    assert repr(found).endswith(" kinds at joint:J>")  # although effects on all joints are among them
     assert study.candidates(at=("end:U.1", "end:U.2"))["ground_spring:U.2.x"].where == "end 2 of member U, x"
 
 

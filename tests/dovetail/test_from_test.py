@@ -102,7 +102,7 @@ def test_bad_requests_are_one_line(tmp_path, portal, capsys):
             ["--geometry", str(portal[0])],
         ),
         ("the geometry has no node", tmp_path / "few.uff", portal[1], []),
-        ("No such file", tmp_path / "none.uff", portal[1], []),
+        ("no such file", tmp_path / "none.uff", portal[1], []),
         ("none.msh: there is no such file", portal[0], tmp_path / "none.msh", []),
     ):
         assert new(tmp_path, frfs, mesh, *more) == 2

@@ -34,6 +34,14 @@ def test_frequencies_in_another_unit_are_named(tmp_path, factor, unit):
     assert [f"either they are in {unit}," in text for text in said] == ([True] if unit else [])
 
 
+@pytest.mark.parametrize("unit", ["kHz", "rad/s", "rpm"])
+def test_frequencies_in_hz_below_a_heading_of_another_unit_are_named(tmp_path, unit):
+    values = "\n".join(map(str, 1.05 * NOMINAL))
+    (tmp_path / "m.csv").write_text(f"frequency [{unit}]\n{values}\n", encoding="utf-8")
+    found = warned(tmp_path, '[modes]\nfile = "m.csv"\n')
+    assert [t for t in found if f"converted from {unit} and were in Hz already" in t]
+
+
 def test_a_unit_is_known_by_shapes_where_the_test_missed_modes(tmp_path):
     study = MAST + SENSORS
     (tmp_path / "plain.toml").write_text(study, encoding="utf-8")

@@ -290,6 +290,8 @@ def test_the_report_of_modes_answers_first_and_holds_its_figures(shaped):
     assert {"staircase", "model"} == set(re.findall(r'<figure data-figure="([^"]+)"', first))
     assert "could not be made" not in text
     assert "a<b>" not in text
+    headings = [h for h in re.findall(r"<th[^>]*>([^<]*)", text) if h.startswith("MAC")]
+    assert headings == ["MAC nominal", "MAC fitted", "MAC with the effect"]
     pictures = {p.name for p in (shaped.folder / "pictures").iterdir()}
     assert pictures == {"deviations.png", "mac.png", "staircase.png"}
 

@@ -4,6 +4,7 @@ import dataclasses
 import html
 import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import joint
 import updating
 from fem import FRF, Effect, FRFError, Parameter, assemble
 from fem.declarations import Site
-from fem.summary import fields_summary, quantity, span
+from fem.summary import fields_summary, percent, quantity, span
 from tests.studies import fit_problem
 
 LONGEST = 300
@@ -39,7 +40,7 @@ def found(study, bent):
         return study.diagnose()
 
 
-def test_objects_that_people_meet_print_one_short_line(study, comparison, found):
+def test_objects_that_people_meet_print_one_short_line(study, comparison, found, bent):
     problem = fit_problem(study)
     met = [
         study,
@@ -62,6 +63,8 @@ def test_objects_that_people_meet_print_one_short_line(study, comparison, found)
         problem.reduced,
         problem.nominal(),
         found,
+        *found.explanations,
+        dataclasses.replace(bent, folder=Path("out")),
         *found.findings,
         *found.steps,
         *found.rounds[0],
@@ -103,7 +106,13 @@ def test_texts_have_values_with_units(study, comparison, found):
     assert repr(study.candidates()["point_mass:arm"]).startswith(first)
     assert "mass 0." in repr(found.findings[0])
     assert "kg" in repr(found.findings[0])
-    assert f"{found.steps[0].fit_db:.2f} →" in repr(found)
+    (effect,) = found.found
+    sure, errors = percent(found.reported.probability), " → ".join(f"{s.fit_db:.3g}" for s in found.steps)
+    assert repr(
+        found
+    ) == f"<StudyDiagnosis effect: {effect.name}, probability {sure}; error {errors} dB>".replace(
+        "\u00a0", " "
+    )
 
 
 def test_an_effect_of_ones_own_prints_its_parameters():

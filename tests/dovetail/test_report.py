@@ -411,6 +411,26 @@ def test_a_compliance_is_told_as_a_stiffness():
     assert words.as_stiffness(other) is other
 
 
+@pytest.mark.parametrize(
+    ("p", "said"),
+    [
+        (EffectParameter("compliance", 4e-4, "rad/(N·m)", 1e-4), "stiffness 2.50 ± 0.62 kN·m/rad"),
+        (
+            EffectParameter("compliance", 4e-4, "rad/(N·m)", 2.8e-4),
+            "stiffness 2.5 kN·m/rad (1.5 to 8.3 kN·m/rad)",
+        ),
+        (
+            EffectParameter("compliance", 4e-4, "rad/(N·m)", 5e-4),
+            "stiffness 2.5 kN·m/rad (above 1.1 kN·m/rad)",
+        ),
+        (EffectParameter("stiffness", 100.0, "N/m", 75.0, scale="log"), "stiffness 100 N/m (50 to 200 N/m)"),
+        (EffectParameter("mass", 2.0, "kg", 1.0), "mass 2.0 ± 1.0 kg"),
+    ],
+)
+def test_a_large_deviation_is_told_as_the_interval_of_the_scale_of_the_fit(p, said):
+    assert words.parameter_text(p).replace("\u00a0", " ") == said
+
+
 def test_long_lists_are_folded():
     rows = [[f"candidate {k}", k] for k in range(100)]
     shown, folded = html(TableBlock(["name", "x [-]"], rows, numbers=[1], marked=[30])).split("<details>")
@@ -627,7 +647,7 @@ def test_what_an_effect_replaced_has_not_moved(found):
     first, second, *others = (replace(u, fitted=u.nominal, at_bound=False) for u in found.uncertain)
     gone, far = replace(first, fitted=np.nan), replace(second, fitted=second.nominal + 2 * second.std)
     text, table = uncertain.page(replace(found, uncertain=(gone, *others, far)), None).blocks
-    assert f"The first 1 of {len(found.uncertain)} moved" in str(text)
+    assert f"The first 1 of {len(found.uncertain)} moved by more than the ± of their fitted" in str(text)
     assert [row[0] for row in table.rows[:2]] == [far.words, gone.words]
 
 

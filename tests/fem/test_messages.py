@@ -155,7 +155,10 @@ def contribute(model):
             ),
             "point 2 of the mesh has neither stiffness nor mass in x",
         ),
-        (lambda: Damping.modal(1.0), r"damping ratios are \[1.0\]; they lie between 0 and 1"),
+        (
+            lambda: Damping.modal(1.0),
+            "ratios are 1, and lie between 0 and 1; if they are in per cent, divide",
+        ),
         (lambda: Damping.modal([0.1, 0.2], [5.0, 4.0]), "2 damping ratios need 2 increasing frequencies"),
         (lambda: direction_vector("q"), "'q' is not a direction"),
         (lambda: direction_vector([0, 0, 0]), "is not a direction"),

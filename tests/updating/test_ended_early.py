@@ -1,5 +1,7 @@
 """A search that is ended early tells what is known so far."""
 
+import pickle
+
 import pytest
 
 from tests.updating.test_evidence_modes import E, cantilever, measured, with_mass
@@ -38,6 +40,13 @@ def test_a_search_that_is_ended_early_has_the_best_so_far():
     assert first.startswith("so far: no effect found, error of the natural frequencies ")
     assert place.startswith("so far: the error is explained best by changes at member beam")
     assert last.startswith("so far: point mass at member beam")
+
+
+def test_a_diagnosis_with_a_progress_function_pickles():
+    found = diagnosed([], "none of its texts")
+    again = pickle.loads(pickle.dumps(found))
+    assert repr(again) == repr(found)
+    assert again.searched.evidence == found.searched.evidence
 
 
 def test_before_anything_is_found_the_places_are_known():

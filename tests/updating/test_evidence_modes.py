@@ -152,6 +152,16 @@ def test_a_hidden_mass_is_found_by_shapes_and_held_out_modes_are_predicted():
     assert m.errors(m.found, True) < 0.005 < m.errors(m.fitted, True)
 
 
+def test_the_reason_quotes_the_error_that_decides():
+    model = cantilever()
+    exact = measured(with_mass(model, 0.2, 0.6), 4)
+    known = {"shapes": exact.shapes, "shape_std": 0.02, "sensors": SENSORS}
+    targets = ModeTargets.of(exact.frequency, 0.2, **known)
+    found = diagnose_modes(model, targets, (E,), kinds=["point_mass"], model_error=0.0)
+    assert found.verdict == EFFECT
+    assert " lowers the error of the mode shapes, √(1 − MAC), from " in found.reason
+
+
 def test_nothing_is_found_in_frequencies_with_nothing_hidden():
     model = cantilever()
     found = diagnose_modes(model, measured(model, shapes=False), (E,), kinds=["point_mass"], model_error=0.0)

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.model import Model
-from fem.summary import listed, summary
 from updating.diagnosis.amplitude import deviation_at_level
 from updating.diagnosis.carried import CalibratedFrfs
 from updating.diagnosis.frf_modes import FrfModes
@@ -34,7 +33,7 @@ N_CHECKED = 6
 """Lines at which the reduced basis is checked in the end."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class Diagnosis(Verdict):
     """What is missing by measured FRFs, and how sure that is.
 
@@ -65,12 +64,6 @@ class Diagnosis(Verdict):
     noise_limit: float
     gates: Gates | None = None
     identified: FrfModes | None = None
-
-    def __repr__(self) -> str:
-        """Return verdict, reason and staircase of the error on one line."""
-        steps = " → ".join(f"{s.fit_db:.2f}" for s in self.steps)
-        found = listed(f.effect.name for f in self.findings)
-        return summary(self, f"{self.verdict}: {self.reason}; found: {found}; error {steps} dB")
 
     @property
     def stairs(self) -> Stairs:

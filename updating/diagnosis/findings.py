@@ -1,5 +1,6 @@
 """What a search for effects has to tell: candidates and how well they do, findings, and the steps to them."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -16,6 +17,8 @@ class EffectParameter:
     """A parameter of a found effect: value and standard deviation in ``unit``.
 
     At a bound the deviation is that of a uniform density up to the other bound, and tells nothing.
+    ``scale`` says what is normally distributed: the value (``"linear"``), its logarithm (``"log"``), or its
+    reciprocal (``"reciprocal"``), as of a stiffness that was fitted by its compliance.
     """
 
     name: str
@@ -23,6 +26,18 @@ class EffectParameter:
     unit: str
     std: float
     at_bound: bool = False
+    scale: str = "linear"
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The values one standard deviation below and above, on the scale of the fit; up to infinity."""
+        relative = self.std / abs(self.value) if self.value else math.inf
+        if self.scale == "log" and math.isfinite(relative):  # fits state x sinh σ for the deviation σ of ln x
+            factor = relative + math.hypot(1.0, relative)
+            return self.value / factor, self.value * factor
+        if self.scale == "reciprocal":
+            return self.value / (1 + relative), self.value / (1 - relative) if relative < 1 else math.inf
+        return self.value - self.std, self.value + self.std
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,10 +178,15 @@ def label(effect: Effect) -> str:
 def parameters_of(effect: Effect, fit: FitResult) -> tuple[EffectParameter, ...]:
     """Return an effect's parameters as a fit has them."""
     return tuple(
-        EffectParameter(p.name, value, p.unit, fit.std[effect.name, p.name], _at_bound(p, value))
+        EffectParameter(p.name, value, p.unit, fit.std[effect.name, p.name], _at_bound(p, value), scale_of(p))
         for p in effect.parameters()
         for value in (fit.values[effect.name, p.name],)
     )
+
+
+def scale_of(p: Parameter) -> str:
+    """Return the scale on which a parameter is fitted, as of :class:`EffectParameter`."""
+    return "log" if p.log else "linear"
 
 
 def _at_bound(p: Parameter, value: float) -> bool:

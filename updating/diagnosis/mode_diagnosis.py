@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fem.declarations import Role
 from fem.model import Effect, Model
-from fem.summary import percent, summary
+from fem.summary import percent
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.elsewhere import weigh_elsewhere
 from updating.diagnosis.evidence.diagnosis import Searched, search_promised, searched
@@ -40,6 +40,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.formed import Formed
 from updating.inference.heartbeat import EndEarlyError, Progress, ending_early
 from updating.inference.mode_fit import (
+    DAMPING,
     FREQUENCY,
     LARGEST_DISCREPANCY,
     LEAST_DISCREPANCY,
@@ -128,7 +129,7 @@ class Calibrated:
         return out
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class ModeDiagnosis(Verdict):
     """What is missing by measured modes, and how sure that is.
 
@@ -148,10 +149,6 @@ class ModeDiagnosis(Verdict):
     modes: ModeTable
     baseline: Calibrated | None = None
     judged: Baseline | None = None
-
-    def __repr__(self) -> str:
-        """Return verdict and reason on one line."""
-        return summary(self, f"{self.verdict}: {self.reason}")
 
     @property
     def stairs(self) -> Stairs:
@@ -335,8 +332,9 @@ def _table(
 
 def _reason(d: ModeDiagnosis) -> str:
     """Return why the verdict is what it is."""
-    before, after = (f"{100 * d.modes.errors(f, False):.2g}" for f in (d.modes.fitted, d.modes.found))
-    text = reason_of(d, d.searched, "error of the natural frequencies", "%", before, after, _lead_error(d))
+    quantity, *errors = _deciding_errors(d)
+    before, after = (f"{100 * error:.2g}" for error in errors)
+    text = reason_of(d, d.searched, f"error of the {quantity}", "%", before, after, _lead_error(d))
     n, shared = len(d.credible), f"{len(d.credible)} explanations share {CREDIBLE:.0%}".replace("%", " %")
     if d.verdict == EFFECT and not d.sure:
         none = ", none is sure" if d.explanations[0].probability < HALF else ""
@@ -345,6 +343,39 @@ def _reason(d: ModeDiagnosis) -> str:
     elif n > 1 and d.verdict not in (UNEXPLAINED, UNFINISHED):
         text = f"{text}; {shared}"
     return "; ".join([text, *(b.text for b in d.bad_readings)])
+
+
+def _deciding_errors(d: ModeDiagnosis) -> tuple[str, float, float]:
+    """Return the quantity by which effects raise the likelihood most, and its errors without and with them.
+
+    Root mean squares of ln ratios of frequencies or damping ratios, or of √(1 - MAC) of shapes [-]. Without
+    effects those of the frequencies.
+    """
+    before, after = d.searched.search.known[frozenset()].fitted, d.final.fitted
+    levels, kind = after.levels, FREQUENCY
+    if d.found:
+        assert isinstance(levels, ModeLevels)
+        # The likelihood is a product over the kinds, of which the rest stays as it was without effects.
+        costs = {
+            k: levels.cost(np.where(levels.kind == k, after.misfit, before.misfit))
+            for k in np.unique(levels.kind)
+        }
+        kind = min(costs, key=lambda k: costs[k])
+    if kind == FREQUENCY:
+        return (
+            "natural frequencies",
+            d.modes.errors(d.modes.fitted, False),
+            d.modes.errors(d.modes.found, False),
+        )
+    t = d.problem.targets
+
+    def error(fitted: FitResult) -> float:
+        c = d.problem.computed(fitted)
+        off = np.log(c.zeta / t.zeta) if kind == DAMPING else np.sqrt(np.maximum(1 - c.mac, 0.0))
+        return float(np.sqrt(np.nanmean(off[t.fitted][d.modes.belongs[t.fitted]] ** 2)))
+
+    quantity = "damping ratios" if kind == DAMPING else "mode shapes, √(1 − MAC),"
+    return quantity, error(before), error(after)
 
 
 def _unexplained(d: ModeDiagnosis) -> tuple[str, ...]:

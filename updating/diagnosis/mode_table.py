@@ -83,6 +83,11 @@ class ModeTable:
         return next(iter(self.mac.values()))
 
     @property
+    def mac_fitted(self) -> Floats:
+        """Modal assurance criteria of the model with fitted uncertain parameters, as ``fitted`` [-]."""
+        return list(self.mac.values())[min(1, len(self.mac) - 1)]
+
+    @property
     def mac_found(self) -> Floats:
         """Modal assurance criteria of the model that is reported [-]."""
         return list(self.mac.values())[-1]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem.model import Effect, Model
-from fem.summary import counted, percent
+from fem.summary import counted, listed, percent, summary
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
 from updating.diagnosis.evidence.hypothesis import Hypothesis
@@ -49,6 +49,10 @@ class Explanation:
     parameters: tuple[tuple[EffectParameter, ...], ...]
     probability: float
     known: bool = True
+
+    def __repr__(self) -> str:
+        """Return effects and probability on one line."""
+        return summary(self, f"{self.label}: probability {percent(self.probability)}")
 
     @property
     def label(self) -> str:
@@ -101,7 +105,7 @@ class Stairs:
     unit: str
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class Verdict:
     """What is missing, and how sure that is.
 
@@ -174,6 +178,14 @@ class Verdict:
     steps: tuple[Step, ...] = ()
     rounds: tuple[tuple[Ranked, ...], ...] = ()
     departures: tuple[Departure, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return verdict, effects, probability, and the error after each step on one line."""
+        effects = f": {listed(e.name for e in self.found)}" if self.found else ""
+        sure = f", probability {percent(self.reported.probability)}" if self.explanations else ""
+        stairs = self.stairs
+        errors = " → ".join(f"{fitted:.3g}" for _, fitted, _ in stairs.rows)
+        return summary(self, f"{self.verdict}{effects}{sure}; error {errors} {stairs.unit}")
 
     @property
     def stairs(self) -> Stairs:

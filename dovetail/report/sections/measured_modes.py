@@ -1,6 +1,7 @@
 """Measured modes beside those of the nominal, the fitted and the reported model."""
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,15 +32,23 @@ CORRECTED = (
 )
 
 
-def steps(d: Verdict, m: ModeTable) -> dict[str, Floats]:
-    """Return the frequencies of the models that are compared with the measured ones, by label [Hz].
+def steps(d: Verdict, of_models: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Return values of the models that are compared with the measured modes, by the label of each.
 
     Of two states the first model is that which was calibrated on the baseline.
+
+    Parameters
+    ----------
+    d : Verdict
+    of_models : mapping of str to ndarray
+        ``computed`` or ``mac`` of a table of modes.
     """
+    values = list(of_models.values())
+    fitted, found = values[min(1, len(values) - 1)], values[-1]
     what = "effects" if len(d.found) > 1 else "effect"
     if d.baseline is None:
-        return {"nominal": m.nominal, "fitted": m.fitted} | ({f"with the {what}": m.found} if d.found else {})
-    return {"fitted to the baseline": m.fitted} | ({"with the change": m.found} if d.found else {})
+        return {"nominal": values[0], "fitted": fitted} | ({f"with the {what}": found} if d.found else {})
+    return {"fitted to the baseline": fitted} | ({"with the change": found} if d.found else {})
 
 
 def role(m: ModeTable, k: int) -> str:
@@ -60,7 +69,7 @@ def table(d: Verdict, m: ModeTable) -> Table:
     return Table.of(
         "modes",
         Column("measured", m.measured, "Hz"),
-        *(Column(name, f / m.measured - 1, "%", "+.2f", 100) for name, f in steps(d, m).items()),
+        *(Column(name, f / m.measured - 1, "%", "+.2f", 100) for name, f in steps(d, m.computed).items()),
         Column("MAC", m.mac_found, show=".3f"),
         Column("", [_remark(m, k) for k in range(len(m.measured))]),
     )
@@ -71,16 +80,16 @@ def page(result: RunResult[Verdict], shown: "Shown") -> list[Block | None]:
     m, d = result.measured_modes, result.diagnosis
     if m is None:
         return [] if result.identified is None else _identified(result.identified, shown)
-    models = steps(d, m)
+    models, macs = steps(d, m.computed), steps(d, m.mac)
     damped, shaped = np.isfinite(m.zeta).any(), np.isfinite(m.mac_found).any()
     head = ["measured [Hz]", "std [%]", *(f"{label} [%]" for label in models)]
     head += ["damping measured [%]", "damping computed [%]"] if damped else []
-    head += ["MAC nominal", "MAC reported"] if shaped else []
+    head += [f"MAC {label}" for label in macs] if shaped else []
     rows = []
     for k, f in enumerate(m.measured):
         row = [f"{f:.5g}", f"{100 * m.std[k]:.2g}", *(cells.shift(f, g[k]) for g in models.values())]
         row += [cells.number(100 * x[k], 3) for x in (m.zeta, m.zeta_found)] if damped else []
-        row += [cells.decimals(x[k], 3) for x in (m.mac_nominal, m.mac_found)] if shaped else []
+        row += [cells.decimals(x[k], 3) for x in macs.values()] if shaped else []
         rows.append([*row, role(m, k)])
     errors = [
         [label, *(cells.number(100 * m.errors(f, out), 2) for out in (False, True))]
@@ -136,7 +145,7 @@ def deviations(result: RunResult[Verdict]) -> "Chart | None":
     from viz import frequencies
 
     m = result.measured_modes
-    return m and frequencies.deviations(m.measured, m.std, steps(result.diagnosis, m), m.held_out)
+    return m and frequencies.deviations(m.measured, m.std, steps(result.diagnosis, m.computed), m.held_out)
 
 
 def mac(result: RunResult[Verdict]) -> "Chart | None":
@@ -163,7 +172,7 @@ def draw(result: RunResult[Verdict], album: "Album") -> None:
         album.plot("mac", alt, MAC, lambda: mac(result))
     if m is None:
         return
-    models = ", ".join(steps(result.diagnosis, m))
+    models = ", ".join(steps(result.diagnosis, m.computed))
     alt = f"Deviations of the natural frequencies of {models} from {len(m.measured)} measured ones."
     album.plot("deviations", alt, DEVIATIONS, lambda: deviations(result))
     if reported is not None and reported.mac is not None:

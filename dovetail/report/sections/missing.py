@@ -41,7 +41,8 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
             blocks += _separated(finding, twin, proposals)
     text = (
         "Standard deviations are linearised and hold if the effect is the right one; the uncertain "
-        "parameters vary with it."
+        "parameters vary with it. Brackets hold the interval of one standard deviation of the fitted "
+        "compliance or logarithm, where it is wide."
     )
     if by_frfs(d):
         text += (

@@ -33,7 +33,10 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     rows = [_parameter_row(u) for u in (*moved, *replaced, *(u for u in result.uncertain if u.stays))]
     text = f"Fitted {fitted} within their prior standard deviations.{text}"
     if 0 < len(moved) < len(rows):
-        text += f" The first {len(moved)} of {len(rows)} moved by more than their standard deviation."
+        text += (
+            f" The first {len(moved)} of {len(rows)} moved by more than the ± of their fitted value; the "
+            "change is in prior standard deviations, which the data may have narrowed."
+        )
     table = TableBlock(head, rows, numbers=(1, 2, 3, 4), at_most=max(len(moved) + len(replaced), LEAST_ROWS))
     return ReportSection("Uncertain parameters", [Text(text), table])
 

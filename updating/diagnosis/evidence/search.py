@@ -3,10 +3,10 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from contextlib import suppress
-from dataclasses import InitVar, dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, fields, replace
 from functools import partial
 from itertools import combinations, product
-from typing import Generic
+from typing import Any, Generic
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,6 +187,10 @@ def _fully(shared: tuple[Fits, bool], near: Hypothesis) -> Hypothesis:
     return fits.fully(near.effects, values_of(near.effects), near, anew=anew)
 
 
+def _silent(text: str) -> None:
+    """Say nothing."""
+
+
 @dataclass(slots=True, eq=False)
 class Search(Generic[P]):
     """A search and all hypotheses that it has fitted.
@@ -218,14 +222,14 @@ class Search(Generic[P]):
     problem: InitVar[P]
     form: InitVar[tuple[Nuisance, ...]]
     candidates: tuple[Effect, ...]
-    tell: Say = lambda text: None
+    tell: Say = _silent
     known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     scanned: tuple[Scanned, ...] = ()
     ranking: InitVar[Ranking] = Ranking()  # noqa: RUF009 - it holds nothing
     workers: Workers = ALONE
     beforehand: InitVar[float] = 0.0
     budget: Budget = NORMAL
-    say: Say = lambda text: None
+    say: Say = _silent
     seeds: tuple[Hypothesis, ...] = ()
 
     fits: Fits[P] = field(init=False)
@@ -245,6 +249,11 @@ class Search(Generic[P]):
         odds = Odds.of(self.candidates, problem.reduced.model, beforehand)
         self.fits = Fits(problem, form, odds, ranking, self.budget)
         self.places = places_of(problem, self.candidates)
+
+    def __getstate__(self) -> tuple[None, dict[str, Any]]:
+        """Return what a pickle keeps: neither listeners nor processes, which serve a running search alone."""
+        running = {"tell": _silent, "say": _silent, "workers": ALONE}
+        return None, {f.name: running.get(f.name, getattr(self, f.name)) for f in fields(self)}
 
     # the search ---------------------------------------------------------------------------------------------
 
