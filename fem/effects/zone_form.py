@@ -16,6 +16,7 @@ from fem.elements.frame import Frame
 from fem.elements.stretches import mass_of_stretches
 from fem.model import Contribution, Effect, Model, Parameter
 from fem.recent import Recent
+from fem.summary import listed
 from fem.tabulated import TabulatedEffect
 
 STIFFEST = 3.5
@@ -144,9 +145,9 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
             at.setdefault(int(p), []).append(
                 (m, float(s), int(mesh.members[m][min(k, len(mesh.members[m]) - 1)]))
             )
-    groups = {
-        p: ({p}, f"corner at point {p}", "") for p, here in at.items() if len({m for m, *_ in here}) > 1
-    }
+    members = {p: list(dict.fromkeys(m for m, *_ in here)) for p, here in at.items()}
+    # Numbers of points count from 0, and are not those of a deck.
+    groups = {p: ({p}, f"corner of {listed(names)}", "") for p, names in members.items() if len(names) > 1}
     for pair in model.of_kind(PointPair):
         ends = {pair.point1, pair.point2} - {None}
         known = next((g for g in groups.values() if g[0] & ends), None)

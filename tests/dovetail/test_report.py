@@ -548,7 +548,7 @@ def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
 
 def test_the_form_of_a_connection_is_named_by_its_place(found):
     form = [u.words for u in found.uncertain if u.form_of]
-    assert any(w.startswith("corner at point") and w.endswith(": stiffness") for w in form)
+    assert any(w.startswith("corner of ") and w.endswith(": stiffness") for w in form)
     assert any(w.startswith("section of member") and w.endswith(": mass per length") for w in form)
     assert not [u.words for u in found.uncertain if "_form" in u.words]
 
