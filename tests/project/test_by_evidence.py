@@ -159,7 +159,7 @@ def test_a_named_structure_is_whole_and_in_no_other_file(path, name):
     for c in structure.connections.values():
         points = [structure.members[m].at(s) for m, s in c.sides]
         assert all(0 <= s <= structure.members[m].length + 1e-9 for m, s in c.sides)
-        assert np.ptp(points, axis=0).max() < 0.0301  # what is bolted together lies on each other
+        assert np.ptp(points, axis=0).max() < 0.0601  # bolted on each other, or by a bracket of 60 mm
 
 
 @pytest.mark.parametrize(
