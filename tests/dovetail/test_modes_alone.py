@@ -27,6 +27,7 @@ from updating.diagnosis.findings import Finding
 from updating.diagnosis.mode_diagnosis import _reason, _unexplained
 from updating.diagnosis.reported_modes import reported_modes
 from updating.inference.mode_fit import ModeReading
+from updating.least_squares.mode_levels import ModeLevels
 
 LINES = f"""{MAST}
 [candidates]
@@ -428,12 +429,15 @@ def told(verdict, reported, *explanations):
     table = ModeTable(
         column, 0.01 * column, steps, unknown, blank, blank, np.zeros(2, dtype=bool), blank, blank
     )
-    result = SimpleNamespace(values={}, std={}, effects=reported)
+    one = np.ones(2)
+    levels = ModeLevels(np.zeros(2, dtype=np.int64), one, one, 1e-4 * one, 1e-4 * np.ones((2, 1)), one)
+    result = SimpleNamespace(values={}, std={}, effects=reported, levels=levels, misfit=1e-4 * one)
     best = SimpleNamespace(effects=reported, fitted=result)
     searched = SimpleNamespace(
         best=best,
         lead=best,
         explains=verdict != "unexplained",
+        finished=True,
         probability_there=lambda h: 0.5,
         proposed_faults=(),
     )
