@@ -495,6 +495,7 @@ def test_a_tower_of_a_hundred_members_gets_its_candidates():
     assert one["rigid_end_zone"] == 216 + 1
     # 52 corners; four of them are clamped feet; the excitation's own direction belongs to its stinger
     assert one["ground_spring"] == 48 * 3 - 1
+    assert one["ground_damper"] == 48 * 3  # a stinger is no damper: that of a driven point was no candidate
     assert one["sensor_mass"] == one["driver_mass"] == 1
     assert one["stinger"] == 2
 

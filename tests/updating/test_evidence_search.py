@@ -232,6 +232,36 @@ def test_a_search_from_afar_ends_where_one_way_leads_to_the_data(monkeypatch, fa
     assert [h.name for h in found] == went == ways
 
 
+@pytest.mark.parametrize(("n", "looks"), [(3, [True]), (200, [False, True])])
+def test_where_the_short_list_fails_all_effects_are_looked_at_from_afar(monkeypatch, n, looks):
+    """A stiff spring to the ground was not on it, as little of it does something else: "unexplained"."""
+    masses = [PointMass(name=str(k), member="arm", position=0.1, mass=1.0) for k in range(n)]
+    asked, tried = [], []
+
+    def screened(looked, now, others, listed):
+        asked.append(listed(others[0]))
+        last = [SimpleNamespace(effect=e, starts=[Start(({},), None)]) for e in reversed(others)]
+        return tuple(last if asked[-1] else last[::-1])
+
+    def halved(damped, workers, blocks, singles):
+        tried.append([e.name for effects, _ in singles for e in effects])
+        return [SimpleNamespace(candidate=c) for c in singles]
+
+    search, base = object.__new__(Search), Given("", 0.0)
+    search.candidates, search.tell, search.budget, search.workers = tuple(masses), print, NORMAL, ALONE
+    search.places, search.scanned = (), ()
+    search.fits = SimpleNamespace(ranking=SimpleNamespace(screened=screened))
+    monkeypatch.setattr(Search, "scan", lambda self, now: ())
+    monkeypatch.setattr(module, "halved", halved)
+    damped = SimpleNamespace(problem=SimpleNamespace(far_start=lambda now: now))
+    ways = list(search.from_afar(base, damped, None))
+    assert asked == looks
+    assert [len(names) for names in tried[:-1]] == [min(n, module.N_PROMISING)] * len(looks)
+    assert tried[-2][0] == str(n - 1)  # the best of all, not of the short list
+    found = [t.candidate[0][0].name for way in ways for t in way]
+    assert len(found) == len(set(found))  # each goes on once
+
+
 def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     """Looks promised dampers 16 nats, and fits gained none: reports gave them half of the probability."""
     reached = {"a": -2.0, "b": -4.0}
