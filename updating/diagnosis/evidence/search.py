@@ -71,7 +71,7 @@ SPRING_UNITS = ("N/m", "N·m/rad", "rad/(N·m)")
 BLOCK_SHARES = (0.2, 0.6, 1.0)
 """Blocks begin at these places of the effects' grids, from the weakest to the strongest [-]."""
 AMID = (0.2, 0.4, 0.6, 0.8)
-"""Springs of a connection begin at one of these places of their grids, from where they do least [-]."""
+"""Starts of springs from afar, as shares of their grids from the weakest to the strongest [-]."""
 Say = Callable[[str], None]
 
 
@@ -101,6 +101,11 @@ def _size(effect: Effect, values: dict[str, float]) -> float:
     if np.isinf(p.absent):
         return -value
     return abs(np.log(value / p.absent)) if p.log and p.absent > 0 else abs(value - p.absent)
+
+
+def _at_share(grid: Sequence[dict[str, float]], share: float) -> dict[str, float]:
+    """Return the values at a share of a grid, 0 its first and 1 its last ones."""
+    return grid[int(share * (len(grid) - 1))]
 
 
 def _moved(one: Hypothesis, two: Hypothesis) -> bool:
@@ -461,9 +466,16 @@ class Search(Generic[P]):
         yield best_of(blocks, singles)
 
     def amid(self, block: Sequence[Effect]) -> list[Values]:
-        """Return values amid the effects' grids: what one structure hardly feels decides another."""
-        grids = [sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in block]
-        return [tuple(g[int(share * (len(g) - 1))] for g in grids) for share in AMID]
+        """Return starts of springs, all of them at the same share of their grids.
+
+        Which one is near enough depends on the structure around the connection.
+        """
+        grids = self._grids(block)
+        return [tuple(_at_share(g, share) for g in grids) for share in AMID]
+
+    def _grids(self, effects: Sequence[Effect]) -> list[list[dict[str, float]]]:
+        """Return the grids of some effects, each from the weakest to the strongest values."""
+        return [sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in effects]
 
     def springs(self, names: Set[str]) -> dict[str, tuple[Effect, ...]]:
         """Return the springs of each connection in all directions, of the effects with given names."""
@@ -553,9 +565,8 @@ class Search(Generic[P]):
     def swapped(self, h: Hypothesis) -> Hypothesis:
         """Return the best of a hypothesis and variants in which another effect replaces one of its effects.
 
-        Or of the same kind elsewhere, such as at the other end of a short piece; what it contains begins
-        where it is. Of any kind anywhere, if it does not explain the data: what is soft at one connection
-        can stand for another one.
+        Of any kind and anywhere: what is soft at one connection can stand for another one. What it contains
+        begins where it is.
         What is alike at several places may differ there: each of them is tried by itself, too. All that are
         nearly as probable are fitted fully: they are its credible set. With another effect in the place of
         one, a third may not be needed any more.
@@ -769,12 +780,12 @@ class Search(Generic[P]):
 
         At one place those along and those about axes together; at several, each place's directions.
         """
-        grids = [sorted(e.starts(self.fits.problem.surroundings), key=partial(_size, e)) for e in block]
+        grids = self._grids(block)
         places = [place_of(e)[1] for e in block]
         names = [str(_turns(e)) for e in block] if len(set(places)) == 1 else places
         groups = [sorted(set(names)).index(name) for name in names]
         return [
-            Start(tuple(g[int(shares[k] * (len(g) - 1))] for g, k in zip(grids, groups, strict=True)), near)
+            Start(tuple(_at_share(g, shares[k]) for g, k in zip(grids, groups, strict=True)), near)
             for shares in product(BLOCK_SHARES, repeat=max(groups) + 1)
         ]
 
