@@ -35,7 +35,7 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     if 0 < len(moved) < len(rows):
         text += (
             f" The first {len(moved)} of {len(rows)} moved by more than the ± of their fitted value; the "
-            "change is in prior standard deviations, which the data may have narrowed."
+            "change is given in prior standard deviations, which are usually larger."
         )
     table = TableBlock(head, rows, numbers=(1, 2, 3, 4), at_most=max(len(moved) + len(replaced), LEAST_ROWS))
     return ReportSection("Uncertain parameters", [Text(text), table])
