@@ -1,6 +1,7 @@
 """FRFs at complex frequencies, the halving of candidates on them, and what a covariance says of absence."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from benchmarks.hidden.cases import make_case
 from tests.noise import complex_normal
 from tests.updating.test_evidence_blocks import hiding
 from updating import build_problem, propose
-from updating.diagnosis.evidence import Damped, Search, gains_without, left_out, values_of
+from updating.diagnosis.evidence import Damped, Search, gains_without, halving, left_out, values_of
 from updating.inference import LEAST_INSIDE, Continuation
 from updating.inference.damped import damped
 
@@ -166,3 +167,21 @@ def test_lines_too_far_apart_for_the_resonances_are_not_damped(soft):
     sparse = replace(data, **{name: getattr(data, name)[::40] for name in names})
     assert Damped(replace(free, data=data).damped_frfs(), base.fitted).at(0.004) is not None
     assert Damped(replace(free, data=sparse).damped_frfs(), base.fitted).at(0.004) is None
+
+
+def test_a_fit_to_damped_frfs_begins_where_least_is_left(monkeypatch):
+    """From the middle of its grid a stiff spring went to zero, and the verdict was "unexplained"."""
+    left = {"soft": 0.4, "stiff": 0.1, "rigid": 0.3}
+
+    def begun(problem, stage, effects, start):
+        function = SimpleNamespace(
+            misfit=lambda x: np.array([left[start]]),
+            minimise=lambda x, *rest, **how: SimpleNamespace(cost=0.0, start=start),
+            result=lambda solution: solution.start,
+        )
+        return function, start
+
+    monkeypatch.setattr(halving, "_begun", begun)
+    trial = halving._fitted((None, halving.STAGES[0]), ((), tuple(left)))
+    assert trial is not None
+    assert trial.result == "stiff"
