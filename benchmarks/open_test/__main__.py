@@ -1,4 +1,4 @@
-"""The open test of missing physics: python -m benchmarks.open_test take|solve|check|judge|tune|seal|…."""
+"""The open test of missing physics: python -m benchmarks.open_test take|solve|check|judge|tune|oracle|seal|…."""
 
 import argparse
 import importlib
@@ -80,6 +80,18 @@ def judged(cases, folders, truths, oracle):
     return by_program, missing
 
 
+def _ask_oracle(cases, file):
+    from benchmarks.open_test.oracle import nats_of
+    from benchmarks.open_test.rivals.common import Case
+
+    truths = json.loads((cases / TRUTH).read_text(encoding="utf-8"))
+    known = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    for case in sorted(truths.keys() - known.keys()):
+        known[case] = nats_of(Case(cases / case), truths[case])
+        file.write_text(json.dumps(known, indent=1), encoding="utf-8")
+        sys.stderr.write(f"{case}: {known[case]} nats\n")
+
+
 def main(argv=None):
     parser = argparse.ArgumentParser(prog="python -m benchmarks.open_test", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
@@ -108,6 +120,9 @@ def main(argv=None):
     p = commands.add_parser("tune", help="say which temperature and doubt of methods score best")
     p.add_argument("cases", type=Path, help="cases whose truth is open")
     p.add_argument("answers", type=Path, nargs="+", help="a folder for each method")
+    p = commands.add_parser("oracle", help="say how far data show their effects, by fits from the truth")
+    p.add_argument("cases", type=Path, help="cases whose truth is open")
+    p.add_argument("file", type=Path, help="JSON file: nats by case; a run that was stopped goes on")
     for name, says in (
         ("seal", "move the truth away and leave seals"),
         ("reveal", "bring sealed truth back"),
@@ -167,6 +182,8 @@ def _run(options):
                     f"{folder.name}, {len(answers)} cases: {score:.2f} nats with {ratio:g} times the "
                     f'temperature and {unknown:g} for "do not know"\n'
                 )
+        case "oracle":
+            _ask_oracle(options.cases, options.file)
         case "seal":
             sys.stdout.write(f"{len(seal(options.cases, options.kept))} truths are sealed\n")
         case "reveal":

@@ -9,6 +9,8 @@ from benchmarks.open_test.case import CaseError
 from benchmarks.open_test.kinds import check_effect
 
 ANSWER_FORMAT = "open test of missing physics, answer, version 1"
+ROUNDING = 1e-6
+"""By so much the sum of probabilities may be above 1 [-]."""
 KEYS = {
     "format", "case", "program", "version", "cpu_seconds", "ended", "explanations", "unexplained",
     "not_above",
@@ -102,7 +104,7 @@ def read_answer(file, structure):
         explanations.append(Explanation(_probability(where, e.get("probability")), tuple(e["effects"])))
     unexplained = _probability(f"{file}, unexplained", told.get("unexplained", 0.0))
     total = unexplained + math.fsum(e.probability for e in explanations)
-    if total > 1 + 1e-6:
+    if total > 1 + ROUNDING:
         _refuse(
             file,
             f"the probabilities of explanations and of unexplained are together {total:.4g}; 1 is allowed",
@@ -120,10 +122,10 @@ def read_answer(file, structure):
 
 
 def _probability(where, value):
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1 + ROUNDING:
         msg = f"{where}: the probability is {value!r}; 0 to 1 is allowed"
         raise CaseError(msg)
-    return float(value)
+    return min(float(value), 1.0)
 
 
 def _refuse(file, text):

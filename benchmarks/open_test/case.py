@@ -4,12 +4,15 @@ import csv
 import json
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 CASE_FORMAT = "open test of missing physics, case, version 1"
 STRUCTURE, FRFS, MODES = "structure.json", "frf.uff", "modes.csv"
+SAME_POINT = 1e-6
+"""Positions that differ by less are the same [m]."""
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 SHAPES = {"rect": "rectangle", "rhs": "hollow rectangle", "round": "circle", "tube": "tube"}
 TOLERANCES = {"E": "E", "rho": "rho", "joint data": "joint_stiffness", "dimensions": "dimensions"}
@@ -36,6 +39,25 @@ class Structure:
         """How many different single effects can be named: kinds at members, connections, ends and sensors."""
         of_members, of_connections, of_ends = 6 * len(self.lengths), 8 * len(self.connections), 12
         return of_members + of_connections + of_ends * len(self.lengths) + 5 * len(self.sensors)
+
+    def axis(self, member):
+        """Return the global direction along a member, None where it is oblique."""
+        ends = next(m["ends"] for m in self.told["members"] if m["name"] == member)
+        along = np.abs(np.subtract(*ends)) > SAME_POINT
+        return DIRECTIONS[int(np.argmax(along))] if along.sum() == 1 else None
+
+    @cached_property
+    def welded(self):
+        """Frozensets of ends ``(member, 1 or 2)`` that are welded to each other at one point.
+
+        An end at which a connection acts is left out: what is welded to which side of it is not stated.
+        """
+        at, sides = {}, {side for sides in self.connections.values() for side in sides}
+        for m in self.told["members"]:
+            for end, (point, s) in enumerate(zip(m["ends"], (0.0, self.lengths[m["name"]]), strict=True), 1):
+                if not any(member == m["name"] and abs(s - x) < SAME_POINT for member, x in sides):
+                    at.setdefault(tuple(np.round(point, 6)), set()).add((m["name"], end))
+        return tuple(frozenset(ends) for ends in at.values() if len(ends) > 1)
 
 
 def read_structure(case):

@@ -51,6 +51,10 @@ KINDS = {
 """All kinds by name. Places: names of structure.json; an end of a member is ``MEMBER.1`` or ``MEMBER.2``."""
 
 
+ON_A_NODE = [KINDS[name] for name in ("mass", "inertia", "ground_spring", "ground_damper")]
+"""Kinds that act on a point and not on one member there."""
+
+
 def places(kind, structure):
     """Return the names at which a kind of effect can be."""
     if kind.at == MEMBER:
@@ -86,15 +90,18 @@ def is_same(said, true, structure):
     """Return whether a stated effect is the true one, by kind, place, direction and position.
 
     A true effect may have ``also``, other places at which it is the same: both sensors of a swap, mirror
-    places.
+    places. Ends of members that are welded to each other are one place for masses, springs and dashpots,
+    and so are both ends of a member for a spring or dashpot along it.
     What softens a member close to a connection acts as that connection does: a crack within `NEAR` of a
     member's length from a side of a connection is right where its stiffness about an axis is stated.
     """
     if said["kind"] == true["kind"]:
         kind = KINDS[true["kind"]]
-        if said["place"] not in (true["place"], *true.get("also", ())):
-            return False
         if kind.directed and said["direction"] != true["direction"]:
+            return False
+        if kind in ON_A_NODE and _at_one_corner(said, true, structure):
+            return True
+        if said["place"] not in (true["place"], *true.get("also", ())):
             return False
         near = NEAR * structure.lengths.get(true["place"], 0.0)
         return not kind.placed or abs(said["position"] - true["position"]) <= near
@@ -105,6 +112,26 @@ def is_same(said, true, structure):
     sides = [s for m, s in structure.connections[softness["place"]] if m == member]
     turns = softness["direction"].startswith("r")
     return turns and any(abs(s - crack["position"]) <= NEAR * structure.lengths[member] for s in sides)
+
+
+def _at_one_corner(said, true, structure):
+    """Return whether two effects are at ends that are welded to each other, or act along the same member."""
+    one, two = _end(said, structure), _end(true, structure)
+    if one is None or two is None:
+        return False
+    if one[0] == two[0] and KINDS[true["kind"]].directed:
+        return true["direction"] == structure.axis(one[0]) or one == two
+    return any({one, two} <= ends for ends in structure.welded)
+
+
+def _end(effect, structure):
+    """Return the end ``(member, 1 or 2)`` at or near which an effect is, None of another place."""
+    if "position" not in effect:
+        member, _, end = effect["place"].rpartition(".")
+        return member, int(end)
+    member, length = effect["place"], structure.lengths[effect["place"]]
+    shares = effect["position"] / length, 1 - effect["position"] / length
+    return next(((member, k) for k, share in enumerate(shares, 1) if share <= NEAR), None)
 
 
 def is_right(said, true, structure):

@@ -1,6 +1,7 @@
 """What Dovetail names, in the words of the test."""
 
 from benchmarks.open_test.answer import Explanation
+from benchmarks.open_test.case import SAME_POINT
 from benchmarks.open_test.kinds import NEAR
 
 AT_MEMBER = {
@@ -63,6 +64,8 @@ def effects_of(name, values, structure):
     if kind in AT_END and place in structure.lengths and parts[0] in ("1", "2"):
         end, direction = parts
         return [{"kind": AT_END[kind], "place": f"{place}.{end}", "direction": direction} | size]
+    if kind in AT_END and (end := _end_at(place, parts, structure)):
+        return [{"kind": AT_END[kind], "place": end, "direction": parts[-1]} | size]
     if kind == "end_release":
         s = 0.0 if parts[0] == "1" else structure.lengths[place]
         near = [c for c, sides in structure.connections.items() if (place, s) in sides]
@@ -107,6 +110,17 @@ def explanations_of(diagnosis, structure):
             e.probability + (one.probability if one else 0.0), one.effects if one else effects
         )
     return tuple(kept.values()), unexplained
+
+
+def _end_at(connection, parts, structure):
+    """Return the end of a member at a side of a connection, None in its middle unless that acts along it."""
+    *other, direction = parts
+    for member, s in structure.connections.get(connection, ())[len(other) : len(other) + 1]:
+        length = structure.lengths[member]
+        end = 1 if s < length / 2 else 2
+        if min(s, length - s) < SAME_POINT or direction == structure.axis(member):
+            return f"{member}.{end}"
+    return None
 
 
 def _about(effect, structure):

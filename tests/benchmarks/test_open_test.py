@@ -16,6 +16,9 @@ from benchmarks.open_test.__main__ import main
 from benchmarks.open_test.answer import ANSWER_FORMAT, read_answer
 from benchmarks.open_test.case import CaseError, neutral, nominal_of, read_modes, read_structure
 from benchmarks.open_test.judge import IN_SET, PART, RIGHT, UNKNOWN, WRONG, judge
+from benchmarks.open_test.kinds import is_same
+from benchmarks.open_test.oracle import nats_of
+from benchmarks.open_test.rivals.common import Case
 from benchmarks.open_test.sets import SEALS, TRUTH, cases_of
 from benchmarks.open_test.words import effects_of
 from dovetail import load_study
@@ -116,6 +119,7 @@ def answer(folder, *explanations, unexplained=0.0, **more):
 
 FOOT = {"kind": "connection_stiffness", "place": "F", "direction": "ry"}
 MASS = {"kind": "mass", "place": "A", "position": 0.3}
+SPRING = {"kind": "ground_spring", "direction": "x"}
 
 
 def test_a_case_says_the_same_as_what_it_was_made_of():
@@ -203,6 +207,40 @@ def test_unexplained_is_right_where_no_kind_describes_the_truth(cases, tmp_path,
     assert judged.log_score == pytest.approx(score, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("said", "true", "same"),
+    [
+        ("P.2 y", "A.1 y", True),  # welded to each other
+        ("P.2 y", "A.1 z", False),
+        ("A.2 x", "A.1 x", True),  # along the arm
+        ("A.2 y", "A.1 y", False),
+        ("P.1 x", "P.2 x", False),
+        (MASS | {"place": "P", "position": 0.49}, MASS | {"position": 0.01}, True),
+        (MASS | {"place": "P", "position": 0.45}, MASS | {"position": 0.01}, False),
+    ],
+)
+def test_what_acts_on_one_point_is_one_place(cases, said, true, same):
+    def effect(told):
+        if isinstance(told, dict):
+            return told
+        place, direction = told.split()
+        return SPRING | {"place": place, "direction": direction}
+
+    assert is_same(effect(said), effect(true), read_structure(cases / "case-001")) is same
+
+
+def test_a_sum_that_is_one_but_for_rounding_is_read(cases, tmp_path):
+    told = read_answer(answer(tmp_path, unexplained=1 + 1e-13), read_structure(cases / "case-001"))
+    assert told.unexplained == 1
+
+
+def test_the_oracle_finds_what_is_hidden_worth_more_than_its_odds(cases):
+    truth = json.loads((cases / TRUTH).read_text(encoding="utf-8"))["case-001"]
+    case = Case(cases / "case-001")
+    assert nats_of(case, truth) > 50
+    assert nats_of(case, truth | {"effects": []}) is None
+
+
 def test_being_sure_and_wrong_costs_more_than_not_to_know(cases, tmp_path):
     structure = read_structure(cases / "case-001")
     truth = json.loads((cases / TRUTH).read_text(encoding="utf-8"))["case-001"]
@@ -238,6 +276,7 @@ def test_what_a_real_test_has_is_neither_right_nor_wrong(cases, tmp_path):
         ("end_release:P.1.ry", {"compliance": (1e-4, 1e-5, "rad/(N·m)")}, [FOOT]),
         ("sensor_mass", {"mass": (0.002, 0.001, "kg")}, []),
         ("joint_coupling:F.x-ry", {"coupling": (0.3, 0.1, "-")}, None),
+        ("ground_spring:F.x", {"stiffness": (1e5, 1e4, "N/m")}, [SPRING | {"place": "P.1"}]),
         ("ground_spring:F.other.x", {"stiffness": (1e5, 1e4, "N/m")}, None),
     ],
 )
