@@ -1,4 +1,4 @@
-"""The open test of missing physics: python -m benchmarks.open_test take|solve|check|judge|tune|oracle|seal|…."""
+"""The open test of missing physics: python -m benchmarks.open_test take|solve|check|judge|tune|oracle|…."""
 
 import argparse
 import importlib
