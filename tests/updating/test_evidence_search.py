@@ -411,3 +411,31 @@ def test_swaps_try_each_of_what_is_alike_and_no_second_spring_at_a_constraint():
     ((effects, values),) = tried
     assert [e.name for e in effects] == [turned.name, one.name, two.name]
     assert [v["stiffness"] for v in values] == [2e5, 3e4, 3e4]
+
+
+@pytest.mark.parametrize(
+    ("scores", "kept"),
+    [
+        ({"yrz": 10.0, "yr": 4.0, "yz": 3.0, "rz": 2.0, "z": 20.0, "y": 5.0, "r": 5.0}, "z"),
+        ({"yrz": 10.0, "yr": 12.0, "yz": 3.0, "rz": 2.0, "y": 5.0, "r": 5.0}, "yr"),
+        ({"yrz": 10.0, "yr": 4.0, "yz": 3.0, "rz": 2.0, "z": 9.0, "y": 5.0, "r": 5.0}, "yrz"),
+    ],
+)
+def test_two_springs_that_only_need_each_other_are_left_out_together(monkeypatch, scores, kept):
+    """Of a support that seems soft in y and about z: each of both alone is worse than the two."""
+
+    def support(direction):
+        return SupportFlexibility(name=direction, supports=("S",), direction=direction, stiffness=1.0)
+
+    def given(letters):
+        effects = [support("rz" if c == "r" else c) for c in letters]
+        return SimpleNamespace(effects=effects, key=frozenset(letters), score=scores[letters], name=letters)
+
+    def without(self, quick, h, groups):
+        gone = [{"r" if n == "rz" else n for n in group} for group in groups]
+        return [given("".join(c for c in h.name if c not in g)) for g in gone]
+
+    monkeypatch.setattr(Fits, "_without", without)
+    monkeypatch.setattr(fits_module, "left_out", lambda *_: set())
+    nothing = SimpleNamespace(effects=[], key=frozenset())
+    assert Fits.pruned(Fits(None, (), None, None), None, given("yrz"), nothing).name == kept

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -133,7 +134,8 @@ class Fits(Generic[P]):
         """Return a hypothesis without those of several new effects whose absence raises its score.
 
         On few lines; one of them stays. The covariance tells which, and a fit confirms it. Where it does not,
-        each is left out in a fit.
+        each is left out in a fit, and two at a time that soften one thing: each of them alone may be needed
+        only because of the other.
         """
         while len(h.effects) > len(base.effects) + 1:
             new = [e.name for e in h.effects if e.name not in base.key]
@@ -141,6 +143,9 @@ class Fits(Generic[P]):
             options = self._without(quick, h, [harmful] if harmful else [])
             if not any(o.score > h.score for o in options):
                 options = self._without(quick, h, [{name} for name in new])
+            if not any(o.score > h.score for o in options) and len(new) > 2:
+                at = {e.name: e.where.thing for e in h.effects}
+                options = self._without(quick, h, [{a, b} for a, b in combinations(new, 2) if at[a] == at[b]])
             best = max(options, key=lambda o: o.score, default=h)
             if best.score <= h.score:
                 break
