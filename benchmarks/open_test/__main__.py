@@ -117,7 +117,7 @@ def main(argv=None):
     p.add_argument("answers", type=Path, nargs="+", help="a folder for each program, which it is named by")
     p.add_argument("--oracle", type=Path, help="JSON file: nats of the truth by case")
     p.add_argument("--page", type=Path, help="Markdown file for the tables; its picture stands beside it")
-    p = commands.add_parser("tune", help="say which temperature and doubt of methods score best")
+    p = commands.add_parser("tune", help="say which temperature, penalty and doubt of methods score best")
     p.add_argument("cases", type=Path, help="cases whose truth is open")
     p.add_argument("answers", type=Path, nargs="+", help="a folder for each method")
     p = commands.add_parser("oracle", help="say how far data show their effects, by fits from the truth")
@@ -177,10 +177,10 @@ def _run(options):
             for folder in options.answers:
                 files = sorted(folder.glob("*.json"))
                 answers = [read_answer(file, structures[file.stem]) for file in files]
-                score, ratio, unknown = tuned(answers, truths, structures)
+                score, ratio, penalty, unknown = tuned(answers, truths, structures)
                 sys.stdout.write(
                     f"{folder.name}, {len(answers)} cases: {score:.2f} nats with {ratio:g} times the "
-                    f'temperature and {unknown:g} for "do not know"\n'
+                    f'temperature, {penalty:g} nats an effect and {unknown:g} for "do not know"\n'
                 )
         case "oracle":
             _ask_oracle(options.cases, options.file)

@@ -26,7 +26,9 @@ class Judged:
 
     ``log_score`` in nats; ``outcome`` as in `OUTCOMES`; ``size`` and ``covered`` of the credible set;
     ``named``, ``missed`` and ``false`` effects of the first explanation. ``shows_db`` is what the least
-    visible effect changes beyond what is uncertain [dB], None of no effect.
+    visible effect changes beyond what is uncertain [dB], None of no effect. ``guess`` says how the most
+    probable explanation with effects compares, however improbable it is: `RIGHT`, `PART` where it names a
+    true effect, or `WRONG`; empty where the truth has no effects of the kinds.
     """
 
     case: str
@@ -44,6 +46,7 @@ class Judged:
     false: int
     cpu_seconds: float
     shows_db: float | None = None
+    guess: str = ""
 
     @property
     def sure_and_wrong(self):
@@ -83,8 +86,8 @@ def without_test(effects, truth):
 def judge(answer, truth, structure, nats=None):
     """Return how an answer compares with the truth of its case.
 
-    ``nats`` is what the true effects explain beyond their odds, by an oracle that is given the truth; a case
-    with less than 0 does not show its effects.
+    ``nats`` is what the least visible true effect explains beyond its odds, by an oracle that is given
+    the truth; a case with less than 0 does not show all of its effects.
     """
     true, outside = truth["effects"], bool(truth.get("outside"))
     said = [(e.probability, without_test(e.effects, truth)) for e in answer.ranked]
@@ -104,6 +107,7 @@ def judge(answer, truth, structure, nats=None):
     first_p, first = said[0] if said else (0.0, [])
     knows = bool(said) and first_p >= max(answer.unexplained, answer.unknown)
     missed = answer.unexplained > max(first_p, answer.unknown)
+    guess = without_test(next((e.effects for e in answer.ranked if e.effects), ()), truth)
     named, false = share(first if knows else [], true, structure)
     if not answer.ended:
         outcome = NOT_ENDED
@@ -133,7 +137,14 @@ def judge(answer, truth, structure, nats=None):
         false,
         answer.cpu_seconds,
         min((_shows(each) for each in truth.get("shows", ()) if each["kind"] != "test"), default=None),
+        _guess(guess, true, structure) if true and not outside else "",
     )
+
+
+def _guess(effects, true, structure):
+    if is_right(effects, true, structure):
+        return RIGHT
+    return PART if share(effects, true, structure)[0] else WRONG
 
 
 def _shows(each):
@@ -153,13 +164,15 @@ def rate(hits, cases):
 
 HEAD = (
     "program", "cases", "log score [nats]", "right", "or in a set of three", "in part", "sure and wrong",
-    "90 % sets hold the truth", "size of the sets", "CPU, median [s]", "not ended",
+    "best guess right", "names a true effect", "90 % sets hold the truth", "size of the sets",
+    "CPU, median [s]", "not ended",
 )  # fmt: skip
 
 
 def row(program, judged):
     """Return a line of the table of programs."""
     n, seconds = len(judged), [j.cpu_seconds for j in judged if not math.isnan(j.cpu_seconds)]
+    n_guessed = sum(bool(j.guess) for j in judged)
     count = {o: sum(j.outcome == o for j in judged) for o in OUTCOMES}
     return (
         program,
@@ -169,6 +182,8 @@ def row(program, judged):
         rate(count[RIGHT] + count[IN_SET], n),
         str(count[PART]),
         rate(sum(j.sure_and_wrong for j in judged), n),
+        f"{sum(j.guess == RIGHT for j in judged)} of {n_guessed}",
+        f"{sum(j.guess in (RIGHT, PART) for j in judged)} of {n_guessed}",
         f"{sum(j.covered for j in judged)} of {n}",
         f"{mean(j.size for j in judged):.1f}",
         f"{median(seconds):.0f}" if seconds else "-",

@@ -1,4 +1,4 @@
-"""What the true effects of a case explain beyond their odds, by a fit of Dovetail that starts at them."""
+"""What true effects of a case explain beyond their odds, by fits of Dovetail that start at them."""
 
 from dataclasses import replace
 from itertools import product
@@ -10,13 +10,16 @@ from benchmarks.open_test.words import effects_of
 from benchmarks.validation.evidence import MOST_STARTS
 from updating import diagnose
 from updating.diagnosis.evidence.budget import QUICK
+from updating.diagnosis.evidence.hypothesis import values_of
 
 NULL_FIT = replace(QUICK, n_rounds=0)
 """Fits the uncertain parameters and corrects sensors, and searches for nothing."""
 
 
 def nats_of(case, truth):
-    """Return by how much a fit with the true effects scores above one without effects, priors included.
+    """Return by how much a fit with the true effects scores above one that lacks one of them [nats].
+
+    The least of all: what the least visible effect gains beyond its odds, which the scores have.
 
     Parameters
     ----------
@@ -35,13 +38,23 @@ def nats_of(case, truth):
         return None
     study = case.study
     search = diagnose(study.model, study.measurements, study.nuisances, budget=NULL_FIT).searched.search
-    fits = []
-    for starts in _starts(true, search, case.structure):
-        try:
-            fits.append(search.fits.fully([e for e, _ in starts], tuple(v for _, v in starts)).score)
-        except np.linalg.LinAlgError:
-            continue
-    return float(max(fits) - search.known[frozenset()].score) if fits else None
+    fits = [h for starts in _starts(true, search, case.structure) if (h := _fitted(search, starts))]
+    if not fits:
+        return None
+    best = max(fits, key=lambda h: h.score)
+    now = list(zip(best.effects, values_of(best.effects), strict=True))
+    fewer = [_fitted(search, now[:k] + now[k + 1 :]) for k in range(len(now))]
+    return float(best.score - max(h.score for h in fewer if h))
+
+
+def _fitted(search, starts):
+    """Return the fit that begins at values of effects; None of effects that no structure has."""
+    if not starts:
+        return search.known[frozenset()]
+    try:
+        return search.fits.fully([e for e, _ in starts], tuple(values for _, values in starts))
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _starts(true, search, structure):

@@ -21,7 +21,7 @@ from updating.diagnosis.mode_diagnosis import (
 from updating.diagnosis.states import change_since
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.formed import formed_mode_problem
-from updating.inference.heartbeat import Progress
+from updating.inference.heartbeat import Progress, beating
 from updating.inference.mode_fit import BAD_PRIOR
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
@@ -77,21 +77,22 @@ def diagnose_modes(
     if changes and baseline is None:
         msg = "changes are those since an earlier state: baseline=…"
         raise ModelError(msg)
-    start_time, say = time.perf_counter(), progress or (lambda text, done: None)
+    start_time = time.perf_counter()
     model = situated(model, kinds)
     more: dict[str, Any] = {"damping_std": damping_std, "model_error": model_error}
-    if baseline is None:
-        say("reducing the model", 0.0)
-        problem, made = formed_mode_problem(model, targets, nuisances, **more)
-        problem = replace(problem, bad_prior=BAD_PRIOR)
-        say("fitting the uncertain parameters", 0.05)
-        candidates = candidates_for(made.model, targets, kinds, exclude)
-        tell = search_progress(say, start_time)
-        search = Search(problem, made.form, candidates, tell, ranking=ModeRanking())
-        found = concluded(searched_modes(search, made.formed, say))
-    else:
-        if isinstance(baseline, ModeTargets):
-            say("calibrating on the first state", 0.0)
-            baseline = judged(calibrate(model, baseline, nuisances, **more), kinds, exclude, say=say)
-        found = change_since(baseline, targets, changes, kinds=kinds, exclude=exclude, say=say, **more)
+    with beating(progress or (lambda text, done: None)) as say:
+        if baseline is None:
+            say("reducing the model", 0.0)
+            problem, made = formed_mode_problem(model, targets, nuisances, **more)
+            problem = replace(problem, bad_prior=BAD_PRIOR)
+            say("fitting the uncertain parameters", 0.05)
+            candidates = candidates_for(made.model, targets, kinds, exclude)
+            tell = search_progress(say, start_time)
+            search = Search(problem, made.form, candidates, tell, ranking=ModeRanking())
+            found = concluded(searched_modes(search, made.formed, say))
+        else:
+            if isinstance(baseline, ModeTargets):
+                say("calibrating on the first state", 0.0)
+                baseline = judged(calibrate(model, baseline, nuisances, **more), kinds, exclude, say=say)
+            found = change_since(baseline, targets, changes, kinds=kinds, exclude=exclude, say=say, **more)
     return replace(found, seconds=time.perf_counter() - start_time)

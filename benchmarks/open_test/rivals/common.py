@@ -22,6 +22,7 @@ from benchmarks.open_test.case import nominal_of, read_modes, read_structure
 from benchmarks.open_test.words import effects_of
 from dovetail import load_study
 from updating import mac, sensor_rows
+from updating.inference.heartbeat import EndEarlyError, may_end_early
 
 N_MODES, ABOVE = 40, 2.0
 """Modes of the reduced basis, at most, and the multiple of the band that they may reach."""
@@ -40,6 +41,10 @@ LEAST = 1e-9
 """Explanations that are less probable are left out."""
 FREQUENCY_STD, SHAPE_STD = 2e-3, 0.05
 """Standard deviations of natural frequencies, relative, and of shapes [-]."""
+
+
+RESERVE = 30.0
+"""CPU seconds for what a diagnosis does after it was ended."""
 
 
 @dataclass
@@ -126,6 +131,11 @@ class Case:
         """CPU seconds that are left."""
         return self.limit - (time.process_time() - self.begun)
 
+    def watch(self, text, done):
+        """End a diagnosis of Dovetail with what it has, where the time is nearly up; its ``progress``."""
+        if self.left < RESERVE and may_end_early():
+            raise EndEarlyError
+
     @cached_property
     def structure(self):
         return read_structure(self.folder)
@@ -183,13 +193,15 @@ class Case:
                 out += [option] if self.words(option, sizes[0]) else []
         return out
 
-    def said(self, weights, temperature=1.0, unknown=0.0, unexplained=0.0):
+    def said(self, weights, temperature=1.0, unknown=0.0, penalty=0.0, unexplained=0.0):
         """Return what is said where hypotheses, tuples of (option, size, std), have log weights.
 
         Weights count too much where errors of the model are alike in all data: ``temperature`` divides their
-        logarithms. ``unknown`` and ``unexplained`` are probabilities that are left beside them.
+        logarithms, and each effect costs ``penalty`` nats beside them. ``unknown`` and ``unexplained`` are
+        probabilities that are left beside all of it.
         """
-        names, logs = list(weights), np.array([weights[h] for h in weights], dtype=float) / temperature
+        names = list(weights)
+        logs = np.array([weights[h] / temperature - penalty * len(h) for h in names])
         p = (1 - unknown - unexplained) * np.exp(logs - np.logaddexp.reduce(logs))
         kept = {}
         for h, probability in zip(names, p, strict=True):

@@ -23,7 +23,8 @@ TRUST = 10.0
 PLACES, TOGETHER = 4, 12
 RESERVE = 20.0
 """CPU seconds that are left for the answer."""
-TEMPERATURE, UNKNOWN = 30.0, 0.5
+TEMPERATURE, UNKNOWN, PENALTY = 45.0, 0.9, 6.0
+"""Chosen on the practice set."""
 
 
 def differences(case):
@@ -67,4 +68,4 @@ def solve(case):
     for k in order[1:TOGETHER]:
         if case.left > RESERVE:
             found.append(model.hypothesis([int(order[0]), int(k)]))
-    return case.said(dict(found), TEMPERATURE, UNKNOWN)
+    return case.said(dict(found), TEMPERATURE, UNKNOWN, PENALTY)

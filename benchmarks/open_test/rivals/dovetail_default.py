@@ -8,4 +8,4 @@ SOURCE = "this package"
 
 def solve(case):
     """Return the posterior of a diagnosis."""
-    return Said(*explanations_of(case.study.diagnose(), case.structure))
+    return Said(*explanations_of(case.study.diagnose(case.watch), case.structure))

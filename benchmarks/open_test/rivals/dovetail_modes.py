@@ -14,4 +14,5 @@ def solve(case):
     sensors = study.measurements[0].sensors
     known = {"zeta": zeta, "shapes": shapes.real, "shape_std": SHAPE_STD, "sensors": sensors}
     targets = ModeTargets.of(frequency, FREQUENCY_STD, **known)
-    return Said(*explanations_of(diagnose_modes(study.model, targets, study.nuisances), case.structure))
+    found = diagnose_modes(study.model, targets, study.nuisances, progress=case.watch)
+    return Said(*explanations_of(found, case.structure))

@@ -8,4 +8,4 @@ SOURCE = "this package"
 
 def solve(case):
     """Return the posterior of a quick diagnosis."""
-    return Said(*explanations_of(case.study.diagnose(budget="quick"), case.structure))
+    return Said(*explanations_of(case.study.diagnose(case.watch, budget="quick"), case.structure))

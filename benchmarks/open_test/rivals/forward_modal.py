@@ -19,7 +19,8 @@ KINDS = {
 MOST = 3
 TRIED = 80, 25, 25
 """How many candidates are tried as the first, second and third effect."""
-TEMPERATURE, UNKNOWN = 30.0, 0.5
+TEMPERATURE, UNKNOWN, PENALTY = 3.0, 0.9, 4.0
+"""Chosen on the practice set."""
 
 
 def by_sensor(case):
@@ -55,7 +56,7 @@ def solve(case):
             break
         (told, weight), chosen = tried[best], [*chosen, best]
         changes = np.array([o.change(size) for o, size, _ in told])
-    return case.said(found, TEMPERATURE, UNKNOWN)
+    return case.said(found, TEMPERATURE, UNKNOWN, PENALTY)
 
 
 def _promising(model, chosen, changes, most):
