@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from fem.lengths import length_text, metres_afterwards, show_lengths
 from fem.linalg.solvers import factorise
 from updating.inference import Workers, cores
 from updating.inference.workers import workers
@@ -23,6 +24,11 @@ def dies(shared, here):
     if os.getpid() != here:
         os._exit(1)
     return shared + here
+
+
+def worded(_, value):
+    """Return a length in words, and the process that worded it."""
+    return length_text(value), os.getpid()
 
 
 @pytest.fixture(scope="module")
@@ -48,3 +54,12 @@ def test_one_process_is_this_one(shared):
         (_, process), *_ = crew.map(solved, shared, [np.ones(40)] * 2)
     assert process == os.getpid()
     assert cores() >= 1
+
+
+def test_other_processes_word_lengths_in_the_unit_of_this_one():
+    with metres_afterwards():
+        show_lengths(0.001)
+        with workers(2) as crew:
+            found = crew.map(worded, None, [0.6, 0.7])
+    assert [text for text, _ in found] == ["600 mm", "700 mm"]
+    assert os.getpid() not in {process for _, process in found}
