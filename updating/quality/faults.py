@@ -15,7 +15,7 @@ import numpy as np
 
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
-from updating.inference.fitting import fit, refit
+from updating.inference.fitting import COMPARED, QUICK_LINES, fit, refit
 from updating.quality.corrections import (
     FAULTS,
     UNLIKE_EFFECTS,
@@ -375,13 +375,16 @@ def _likeliest(
     costs = []
     for faults in options:
         changed = replace(problem, data=corrected(problem.data, faults))
-        costs.append(_again(changed, result).solution.cost)
+        costs.append(_shortly(changed, result).solution.cost)
     return options[int(np.argmin(costs))]
 
 
 def _again(problem: FitProblem, result: FitResult) -> FitResult:
-    """Fit again after a correction: from the nominal start, or from the last values of the effects."""
-    again = [refit(problem, result)]
-    if not result.effects:
-        again.append(fit(problem))
-    return problem.assessed(min(again, key=lambda r: r.solution.cost))
+    """Fit again after a correction."""
+    return problem.assessed(refit(problem, _shortly(problem, result)))
+
+
+def _shortly(problem: FitProblem, result: FitResult) -> FitResult:
+    """Fit few lines: from the last values of the effects, or else from the nominal start as well."""
+    near = [result] if result.effects else [result, fit(problem, n_lines=QUICK_LINES, counted_as=0)]
+    return min((refit(problem, r, **COMPARED) for r in near), key=lambda r: r.solution.cost)
