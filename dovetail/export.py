@@ -90,7 +90,9 @@ class Exported:
     notes: tuple[str, ...]
 
 
-def exported_deck(study: StudyContents, *, whole: bool) -> tuple[ModelDeck, tuple[str, ...]]:
+def exported_deck(
+    study: StudyContents, *, whole: bool, effects_only: bool = False
+) -> tuple[ModelDeck, tuple[str, ...]]:
     """Return a study's model as a deck, or the cards for what was found, and sentences on what they are.
 
     Cards for what was found leave out fitted values within a standard deviation of the nominal ones.
@@ -104,33 +106,37 @@ def exported_deck(study: StudyContents, *, whole: bool) -> tuple[ModelDeck, tupl
         found = _effects(study, _result(study), whole=True)[0]
         lines = (f"model of {_head(study)}", *_lines(found))
         return _titled(deck_of(study.model, study.name), found), lines
-    one = exported(study)
+    one = exported(study, effects_only=effects_only)
     if not one.found and one.model is one.before:
-        msg = (
-            f"{study.path}: it has no [[effects]], and no {RESULT} with fitted values is next to it; --whole "
-            "exports the model"
-        )
+        values = "" if effects_only else f", and no {RESULT} with fitted values is next to it"
+        msg = f"{study.path}: it has no [[effects]]{values}; --whole exports the model"
         raise StudyError(msg)
     deck = changed_deck(deck_of(one.model, study.name), deck_of(one.before, study.name))
     deck = _titled(deck, one.found)
     return replace(deck, notes=(*one.notes, *deck.notes)), one.lines
 
 
-def exported_edit(study: StudyContents, source: SourceDeck) -> tuple[DeckEdit, Exported]:
+def exported_edit(
+    study: StudyContents, source: SourceDeck, *, effects_only: bool = False
+) -> tuple[DeckEdit, Exported]:
     """Return the cards that make a study's source deck the study's model, and that model.
 
-    Fitted values within a standard deviation of the nominal ones are left out, as are the test's instruments.
+    Fitted values within a standard deviation of the nominal ones are left out, as are the test's instruments;
+    with ``effects_only`` all fitted values are.
 
     Raises
     ------
     StudyError
-        If the model is that of the deck.
+        If the model is that of the deck, or has no effects where these alone are asked for.
     MeshError
         If the deck cannot be read.
     SourceError
         If cards cannot keep its numbers.
     """
-    one = exported(study)
+    one = exported(study, effects_only=effects_only)
+    if effects_only and not one.found:
+        msg = f"{study.path}: it has no [[effects]]; dovetail run writes them into found.toml"
+        raise StudyError(msg)
     deck = _titled(deck_of(one.model, study.name), one.found)
     edit = CHANGES[program_of(source.file)](deck, source.file, DeckUnits.of(source.units))
     if not edit.lines and not edit.notes:
@@ -174,24 +180,30 @@ def _head(study: StudyContents) -> str:
     return f"{study.path.name}, study {study.name}; dovetail {program_version()}"
 
 
-def exported(study: StudyContents) -> Exported:
-    """Return the model to export, and the same without what was found."""
+def exported(study: StudyContents, *, effects_only: bool = False) -> Exported:
+    """Return the model to export, and the same without what was found.
+
+    With ``effects_only`` all uncertain parameters, and the form, are as before they were fitted.
+    """
     result = _result(study)
     (found, zero), nominal = _effects(study, result), _nominal(study.model, result)
     head = _head(study)
     out = {
         e.name: "it belongs to the test, not to the structure"
         if isinstance(e, OF_THE_TEST)
+        else "uncertain form"
+        if effects_only
         else "uncertain form that is zero within its standard deviation"
         for e in study.model.effects
-        if isinstance(e, OF_THE_TEST) or (e.is_form and len(zero.get(e.name, {})) == len(e.parameters()))
+        if isinstance(e, OF_THE_TEST)
+        or (e.is_form and (effects_only or len(zero.get(e.name, {})) == len(e.parameters())))
     }
     left = {(name, p): absent for name, of in zero.items() if name not in out for p, absent in of.items()}
     model = study.model.without_effect(*out).with_values(left)
     fitted = {ref: each for ref, each in nominal.items() if ref[0] not in found}
     # a part has its model in the other program: change that, rather than add thousands of entries to it
     parts = {e.name for e in model.effects if e.reduced_part}
-    sure = {ref: each for ref, each in fitted.items() if each.sure}
+    sure = {ref: each for ref, each in fitted.items() if each.sure and not effects_only}
     moved = {ref: each for ref, each in sure.items() if ref[0] not in parts}
     model = model.with_values({ref: each.nominal for ref, each in fitted.items() if ref not in moved})
     before = model.without_effect(*(name for name in found if name not in out)).with_values(
@@ -209,7 +221,10 @@ def exported(study: StudyContents) -> Exported:
     ]
     if unsure := [*(ref for ref in fitted if ref not in sure), *left]:
         names = ", ".join(f"{e} {p}" for e, p in unsure)
-        notes.append(f"not in this file, fitted within a standard deviation of the value before: {names}")
+        why = (
+            "as before the fit" if effects_only else "fitted within a standard deviation of the value before"
+        )
+        notes.append(f"not in this file, {why}: {names}")
     lines = (f"found by {head}", *_lines(found), *(f"{ref[0]}: {each.text}" for ref, each in moved.items()))
     return Exported(model, before if found or moved else model, found, lines, tuple(notes))
 
