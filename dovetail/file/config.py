@@ -27,7 +27,6 @@ from dovetail.file.conventions import check_phase
 from dovetail.file.effects import candidates_of, known_candidates, read_changes, read_effects, read_values
 from dovetail.file.faults import as_mounted, read_faults
 from dovetail.file.geometry import (
-    MOST_ELEMENTS,
     Geometry,
     TooManyElementsError,
     describe_sizes,
@@ -628,7 +627,7 @@ class _Reader:
         top, sizes = self.top, parts.sizes
         table = top.table("mesh")
         size = table.number("element_size", None, above=0, unit="m")
-        most = table.integer("max_elements", MOST_ELEMENTS)
+        most = table.integer("max_elements", None)
         for key in ("file", "scale", "merge_tolerance", "sets", "connect", "plane", "free_points"):
             table.get(key, None)
         table.finish()
