@@ -87,6 +87,8 @@ from fem.io.faults import existing
 from fem.io.programs import program_of_text
 from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
+from fem.summary import counted, listed
+from fem.system import held_by
 from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import unknown_of
 from updating.measurement.channel_errors import USUAL, ChannelErrors
@@ -306,17 +308,17 @@ class _Parts:
         places += [mesh.points[[j.point1]] for j in self.joints if j.point2 is None]
         return next((at[0] for at in places if len(at)), mesh.points[0])
 
-    def note_free(self, notes: list[str]) -> None:
-        """Note the assumption of a study without supports."""
-        if self.supports:
-            return
-        grounded = [j.name for j in self.joints if j.point2 is None]
-        notes.append(
-            f"no supports are given: {', '.join(grounded)} alone hold the structure"
-            if grounded
-            else "no supports are given: the structure is free. If something holds it, [[supports]] are "
+
+def free_note(model: Model) -> str:
+    """Return in words what holds a structure without supports."""
+    names, n_free = held_by(model)
+    if not names:
+        return (
+            "no supports are given: the structure is free. If something holds it, [[supports]] are "
             "missing (in a deck SPC, *BOUNDARY or D)"
         )
+    free = f", and leave {counted(n_free, 'rigid-body motion')} free" * bool(n_free)
+    return f"no supports are given: {listed(names)} alone hold the structure{free}"
 
 
 def _highest(
@@ -439,7 +441,8 @@ class _Reader:
         if measurements and modes is not None and "baseline" in top:
             unused = "the FRFs of [[measurements]] are" if baseline is not None else "[modes] are"
             self.warnings.append(f"{unused} not used: [baseline] says by what the two states are compared")
-        parts.note_free(notes)
+        if not parts.supports:
+            notes.append(free_note(model))
         return StudyContents(
             name=name,
             description=description,

@@ -189,6 +189,7 @@ def test_a_folder_in_place_of_a_study_names_the_study_in_it(tmp_path, capsys):
     [
         ("", "the structure is free. If something holds it, [[supports]] are missing (in a deck SPC"),
         ("CBUSH,9,9,1,,,,,0\nPBUSH,9,K,1.+3,1.+3,1.+3,1.+6,1.+6,1.+6\n", "CBUSH 9 alone hold"),
+        ("CBUSH,9,9,1,,,,,0\nPBUSH,9,K,1.+3\n", "CBUSH 9 alone hold the structure, and leave 5 rigid-body"),
         ("SPC1,1,123456,1\n", ""),
     ],
 )
