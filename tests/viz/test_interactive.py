@@ -426,8 +426,10 @@ def test_a_long_hypothesis_is_broken_and_not_cut():
 def test_axes_have_the_unit_of_length_that_texts_have(unit, name, most):
     with metres_afterwards():
         show_lengths(unit)
-        axis = solids.scene(np.array([[0.0, 0.0, 0.0], [0.8, 0.1, 0.4]]))["xaxis"]
+        scene = solids.scene(np.array([[0.0, 0.0, 0.0], [0.8, 0.02, 0.4]]))
+    axis = scene["xaxis"]
     assert axis["title"]["text"] == f"x [{name}]"
     assert axis["ticktext"][-1] == most
     assert axis["tickvals"][-1] == pytest.approx(0.8)
     assert 3 <= len(axis["tickvals"]) <= 6
+    assert len(scene["yaxis"]["tickvals"]) == 1  # texts of more would overlap
