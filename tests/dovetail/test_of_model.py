@@ -87,7 +87,7 @@ def test_a_study_without_a_file_says_how_it_is_kept(study, tmp_path):
     ("tables", "words"),
     [
         ({"uncertian": {}}, "bent, uncertian: unknown key; did you mean 'uncertain'"),
-        ({"uncertain": {"rhoo": 0.02}}, "bent, uncertain.rhoo: unknown key; did you mean 'rho'"),
+        ({"uncertain": {"e": 0.02}}, "bent, uncertain.e: unknown key; did you mean 'E'"),
         ({"fit": {"held_out": ["Q"]}}, "bent, fit.held_out: there is no excitation or sensor 'Q'"),
         ({"supports": []}, "bent, supports: unknown key; allowed are candidates, channel_errors, "),
     ],
