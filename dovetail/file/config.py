@@ -75,7 +75,7 @@ from dovetail.file.settings import (
 )
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable, with_unknown_keys
-from dovetail.file.uncertain import mode_std, read_uncertain, shear_std
+from dovetail.file.uncertain import mode_std, read_uncertain, with_shear
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
 from fem.effects.joint import Joint
@@ -424,7 +424,7 @@ class _Reader:
         measurements = tuple(m for m, phase in zip(every, phased, strict=True) if phase)
         amplitudes = tuple(m for m, phase in zip(every, phased, strict=True) if not phase)
         spreads: list[str] = []
-        nuisances, damping_std = read_uncertain(top, model, parts.joints, spreads)
+        nuisances, damping_std = read_uncertain(top, model, spreads)
         notes += spreads
         plan = self._plan(model, groups, nuisances, bool(raw), any(r.phase for r in raw), modes)
         self.warnings += [f"{m.name} has {WITHOUT_PHASE}" for m in amplitudes]
@@ -668,9 +668,7 @@ class _Reader:
                 Model(mesh, effects, damping), [sensor for group in groups for sensor in group]
             )
             model = read_effects(top, model, *groups)
-            shear = SectionShear.of(model)
-            model = model.with_effect(shear) if shear and shear_std(top) else model
-            model = read_rotation(top, read_values(top, model), notes)
+            model = read_rotation(top, read_values(top, with_shear(top, model)), notes)
             refuse_space(top, model)
             model.contributions()  # finds values that no matrix can be made of
         return model

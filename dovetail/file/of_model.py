@@ -23,9 +23,7 @@ from dovetail.file.settings import (
     read_tolerances,
 )
 from dovetail.file.table import Source, StudyTable
-from dovetail.file.uncertain import read_uncertain, shear_std
-from fem.effects.joint import Joint
-from fem.effects.section_shear import SectionShear
+from dovetail.file.uncertain import read_uncertain, with_shear
 from fem.model import Model
 from updating.measurement.measurement import Measurement, Sensor, sensor_rows, with_sensor_masses
 
@@ -93,15 +91,13 @@ def contents_of_model(
     highest = None if not tops else max(tops) if band is None else min(band[1], max(tops))
     frequency, highest = read_frequency(top, highest, notes)
     kinds, exclude, environment, belief = read_candidates(top)
-    shear = SectionShear.of(model)
-    model = model.with_effect(shear) if shear and shear_std(top) else model
-    model = model.in_environment(*environment)
+    model = with_shear(top, model).in_environment(*environment)
     model = model.with_tolerances(*read_tolerances(top, model, form=model_error > 0)).with_belief(belief)
     for group in ends:
         sensor_rows(model, [s for s in group if not s.moves_base])
     errors = read_channel_errors(top, *ends)
     spreads: list[str] = []
-    nuisances, damping_std = read_uncertain(top, model, model.of_kind(Joint), spreads)
+    nuisances, damping_std = read_uncertain(top, model, spreads)
     odd = implausible(top, model, highest)
     lengths = model.mesh.lengths()
     return StudyContents(
