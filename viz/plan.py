@@ -19,7 +19,9 @@ from viz.models import drawn_size, model_surface
 from viz.overlay import Mark
 from viz.scene import Scene
 
-COLOURS = dict(zip(SHOWN, (style.BLUE, style.SKY, style.ORANGE, style.VERMILION), strict=True))
+COLOURS: dict[str, str] = dict(
+    zip(SHOWN, (style.BLUE, style.SKY, style.ORANGE, style.VERMILION), strict=True)
+)
 """Of marks, by what a test says of an effect."""
 
 

@@ -73,19 +73,19 @@ def contents_of_model(
     for key in TABLES:
         top.get(key, None)
     top.finish()
-    ends = [
+    ends = tuple(
         tuple({s.name: s for s in (*own, *(s for m in measurements for s in getattr(m, key)))}.values())
         for key, own in (("sensors", sensors), ("excitations", excitations))
-    ]
+    )
     model = with_sensor_masses(model, [*ends[0], *ends[1]])
-    channels = [[Channel(s, top) for s in group] for group in ends]
+    outputs, inputs = ([Channel(s, top) for s in group] for group in ends)
     fit = top.table("fit")
     band, n_lines = read_band(fit), fit.integer("lines", None, 8, MOST_LINES)
     model_error = read_model_error(fit)
-    held_out = read_held_out(fit, *channels)
+    held_out = read_held_out(fit, outputs, inputs)
     fit.finish()
     raw_modes = read_raw_modes(top, Path(), measured_notes)
-    modes = match_modes(raw_modes, ModalTest(*channels, not measurements), measured_notes)
+    modes = match_modes(raw_modes, ModalTest(outputs, inputs, not measurements), measured_notes)
     tops = [float(m.frf.frequency[-1]) for m in measurements]
     tops += [] if modes is None else [float(modes.modes.frequency.max())]
     highest = None if not tops else max(tops) if band is None else min(band[1], max(tops))
@@ -95,7 +95,7 @@ def contents_of_model(
     model = model.with_tolerances(*read_tolerances(top, model, form=model_error > 0)).with_belief(belief)
     for group in ends:
         sensor_rows(model, [s for s in group if not s.moves_base])
-    errors = read_channel_errors(top, *ends)
+    errors = read_channel_errors(top, ends[0], ends[1])
     spreads: list[str] = []
     nuisances, damping_std = read_uncertain(top, model, spreads)
     odd = implausible(top, model, highest)

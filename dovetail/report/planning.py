@@ -79,12 +79,13 @@ def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
         plan.kinds.items(), plan.sizes_of("seen"), plan.sizes_of(what), strict=True
     ):
         ends = (first["least"], of["least"], of["most"])
-        sizes = ["" if effect is None else _size(effect)[1] for effect in ends]
-        shares = [share(some, each) for each in SHARES]
+        seen, smallest, largest = ("" if effect is None else _size(effect)[1] for effect in ends)
+        seen_share, located, named = (share(some, each) for each in SHARES)
         by_size = sorted((o.relevant for o in some), key=size_of)
         relevant = " … ".join(dict.fromkeys(_size(effect)[1] for effect in (by_size[0], by_size[-1])))
         quantity = _size(by_size[0])[0]
-        out.append(KindRow(name, quantity, relevant, len(some), *shares, *sizes, of["blind"]))
+        shares, sizes = (seen_share, located, named), (seen, smallest, largest, of["blind"])
+        out.append(KindRow(name, quantity, relevant, len(some), *shares, *sizes))
     return out
 
 

@@ -307,7 +307,7 @@ def test_a_picture_marks_each_effect_of_a_row_by_what_the_test_says_of_it(planne
         def save(self, path):
             scenes.append(self)
             Image.new("RGB", (4, 4)).save(path)
-            return path
+            return Path(path)
 
     monkeypatch.setattr(viz.plan, "Scene", Kept)
     some = planned.kinds["member stiffness"]

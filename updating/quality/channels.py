@@ -10,15 +10,16 @@ from fem.checks import Defect
 from fem.lengths import coordinates_text
 from fem.linalg.solvers import factorise
 from fem.model import Model
-from fem.system import assemble
+from fem.system import System, assemble
 from updating.measurement.measurement import Measurement, Sensor, sensor_point, sensor_rows
 
 SAME = 1e-9
-"""Difference of two readings, and motion in parts of the largest, up to which it is rounding [-]."""
+"""Motion in parts of the largest, and deviation of a cosine from 1, up to which they are rounding [-]."""
 AGREE = 0.1
 """Difference of the FRFs of two sensors in parts of them up to which their places are the same [-]."""
 
 Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 
 def check_channels(
@@ -49,48 +50,63 @@ def check_channels(
         As :func:`updating.measurement.measurement.sensor_rows`.
     """
     system = assemble(model, reciprocal=False)
-    found: list[Defect] = []
-    free: list[Floats] = []
-    for word, verb, some in (("sensor", "reads", sensors), ("excitation", "drives", excitations)):
-        moving = [s for s in some if not s.moves_base]
-        rows = np.asarray((system.Q.T @ sensor_rows(model, moving).T).T)
-        size = np.linalg.norm(rows, axis=1)
-        still = size <= SAME
-        for s in (s for s, at_rest in zip(moving, still, strict=True) if at_rest):
-            text = f"{word} '{s.name}' {verb} no motion: the model holds {_where(s)} along its direction"
-            found.append(_defect(model, f"{text}; look at its place, its direction and the supports", s))
-        unit = rows / np.where(still, 1.0, size)[:, None]
-        cosine = unit @ unit.T
-        for i, j in combinations(np.flatnonzero(~still).tolist(), 2):
-            if np.linalg.norm(unit[i] - np.sign(cosine[i, j]) * unit[j]) > SAME:
-                continue
-            a, b, sense = moving[i], moving[j], float(np.sign(cosine[i, j]))
-            difference = np.nan if word == "excitation" else _difference(a, b, sense, measurements)
-            if difference <= AGREE:
-                continue
-            text = f"{word}s '{a.name}' and '{b.name}' have one place and direction, {_where(a)}"
-            text += ", with opposite signs" * (sense < 0)
-            why = ": one of them says nothing new, or is elsewhere"
-            if np.isfinite(difference):
-                percent = f"{100 * difference:.0f} %"
-                why = f", and their FRFs differ by {percent}: one is elsewhere, or along another axis"
-            found.append(_defect(model, text + why, a, b))
-        free.append(rows[~still])
-        if word == "sensor":
-            readable = [s for s, at_rest in zip(moving, still, strict=True) if not at_rest]
-    if len(free[0]) and len(free[1]) and not any(e.moves_base for e in excitations):
+    read, read_rows, found = _moving(system, sensors, "sensor", "reads")
+    driven, driven_rows, more = _moving(system, excitations, "excitation", "drives")
+    found = [*found, *_doubled(model, read, read_rows, "sensors", measurements), *more]
+    found += _doubled(model, driven, driven_rows, "excitations", ())
+    if read and driven and not any(e.moves_base for e in excitations):
         # Any line tells what never moves; a model may rest at one place on one line, but not to rounding
         f = float(np.median(frequency)) if len(frequency) else 1.0
         Z = system.dynamic_stiffness(2 * np.pi * f)
-        H = np.abs(free[0] @ factorise(Z).solve(free[1].T)).max(axis=1)
-        for s, h in zip(readable, H, strict=True):
-            if h <= SAME * H.max():
-                text = (
-                    f"sensor '{s.name}' is across all motion: none of the forces moves the model at "
-                    f"{_where(s)} along its direction; look at that, and at the directions of the forces"
-                )
-                found.append(_defect(model, text, s))
+        H = np.abs(read_rows @ factorise(Z).solve(driven_rows.T)).max(axis=1)
+        for s in (s for s, h in zip(read, H, strict=True) if h <= SAME * H.max()):
+            text = (
+                f"sensor '{s.name}' is across all motion: none of the forces moves the model at "
+                f"{_where(s)} along its direction; look at that, and at the directions of the forces"
+            )
+            found.append(_defect(model, text, s))
     return (*found, *_stored_twice(model, measurements))
+
+
+def _moving(
+    system: System, some: Sequence[Sensor], word: str, verb: str
+) -> tuple[list[Sensor], Floats, list[Defect]]:
+    """Return channels that move with the model, their rows of its coordinates (n, n_free), and the others."""
+    model, some = system.model, [s for s in some if not s.moves_base]
+    rows = np.asarray((system.Q.T @ sensor_rows(model, some).T).T)
+    moves = np.linalg.norm(rows, axis=1) > SAME
+    still = [
+        _defect(
+            model,
+            f"{word} '{s.name}' {verb} no motion: the model holds {_where(s)} along its direction; look at "
+            "its place, its direction and the supports",
+            s,
+        )
+        for s, moved in zip(some, moves, strict=True)
+        if not moved
+    ]
+    return [s for s, moved in zip(some, moves, strict=True) if moved], rows[moves], still
+
+
+def _doubled(
+    model: Model, some: Sequence[Sensor], rows: Floats, words: str, measurements: Sequence[Measurement]
+) -> list[Defect]:
+    """Return pairs that read or drive one motion, unless their measured FRFs agree."""
+    unit, out = rows / np.linalg.norm(rows, axis=1)[:, None], []
+    cosine = unit @ unit.T
+    for i, j in np.argwhere(np.triu(np.abs(cosine), 1) > 1 - SAME).tolist():
+        a, b, sense = some[i], some[j], float(np.sign(cosine[i, j]))
+        difference = _difference(a, b, sense, measurements)
+        if difference <= AGREE:
+            continue
+        text = f"{words} '{a.name}' and '{b.name}' have one place and direction, {_where(a)}"
+        text += ", with opposite signs" * (sense < 0)
+        why = ": one of them says nothing new, or is elsewhere"
+        if np.isfinite(difference):
+            percent = f"{100 * difference:.0f} %"
+            why = f", and their FRFs differ by {percent}: one is elsewhere, or along another axis"
+        out.append(_defect(model, text + why, a, b))
+    return out
 
 
 def _where(s: Sensor) -> str:
@@ -101,7 +117,7 @@ def _defect(model: Model, text: str, *some: Sensor) -> Defect:
     return Defect("channel", text, np.unique([sensor_point(model.mesh, s) for s in some]))
 
 
-def _columns(a: Sensor, b: Sensor, measurements: Sequence[Measurement]) -> list[tuple[Floats, Floats]]:
+def _columns(a: Sensor, b: Sensor, measurements: Sequence[Measurement]) -> list[tuple[Complex, Complex]]:
     """Return the FRFs of two sensors in the measurements that have both."""
     names = [[s.name for s in m.sensors] for m in measurements]
     return [

@@ -188,8 +188,8 @@ def _ticks(low: float, high: float, number: float, share: float) -> dict[str, An
     Five at most, and one where the range is so small a share of the largest that their texts would overlap.
     """
     most = max(round(4 * share), 1)
-    values = MaxNLocator(most, steps=[1, 2, 5, 10]).tick_values(number * low, number * high)
-    some = [v for v in values.tolist() if number * low - 1e-9 <= v <= number * high + 1e-9] or [number * low]
+    values = np.asarray(MaxNLocator(most, steps=[1, 2, 5, 10]).tick_values(number * low, number * high))
+    some = [float(v) for v in values if number * low - 1e-9 <= v <= number * high + 1e-9] or [number * low]
     some = some if most > 1 else some[len(some) // 2 :][:1]
     return {"tickvals": [v / number for v in some], "ticktext": [f"{v + 0.0:.6g}" for v in some]}
 
@@ -204,7 +204,8 @@ def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any
     wide, tall = np.abs(np.stack([right, up])) @ half  # of the box of the axes, seen from the eye
     scale = FILLED * min(PROPORTION / wide, 1 / tall)
     aspect = 2 * half * scale
-    (number, unit), extent = shown_length(1.0), np.ptp(ends, axis=0)
+    number, unit = shown_length(1.0)
+    share = np.ptp(ends, axis=0) / max(float(np.ptp(ends, axis=0).max()), 1e-9)
     axes = {
         f"{name}axis": {
             "title": {"text": f"{name} [{unit}]", "font": {"size": 12, "color": style.MUTED}},
@@ -213,7 +214,7 @@ def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any
             "gridcolor": style.FAINT,
             "zeroline": False,
             "showspikes": False,
-            **_ticks(*ends[:, k].tolist(), number, float(extent[k] / max(extent.max(), 1e-9))),
+            **_ticks(float(ends[0, k]), float(ends[1, k]), number, float(share[k])),
             "linecolor": style.MUTED,
             "tickfont": {"size": 11, "color": style.MUTED},
         }
