@@ -317,8 +317,8 @@ def free_note(model: Model) -> str:
             "no supports are given: the structure is free. If something holds it, [[supports]] are "
             "missing (in a deck SPC, *BOUNDARY or D)"
         )
-    free = f", and leave {counted(n_free, 'rigid-body motion')} free" * bool(n_free)
-    return f"no supports are given: {listed(names)} alone hold the structure{free}"
+    free = f", and free in {counted(n_free, 'rigid-body motion')}" * bool(n_free)
+    return f"no supports are given: the structure is held by {listed(names)} alone{free}"
 
 
 def _highest(

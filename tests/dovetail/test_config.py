@@ -372,7 +372,7 @@ def test_what_holds_a_structure_without_supports_is_named_whatever_it_is(tmp_pat
         for d in "xyz"
     )
     (note,) = (s for s in load_study(study_file(tmp_path, bare + springs)).assumptions if "supports" in s)
-    assert note.startswith("no supports are given: known ground_spring:mast.1.x, ")
-    assert note.endswith(" alone hold the structure, and leave 1 rigid-body motion free")
+    assert note.startswith("no supports are given: the structure is held by known ground_spring:mast.1.x, ")
+    assert note.endswith(" alone, and free in 1 rigid-body motion")
     (note,) = (s for s in load_study(study_file(tmp_path, bare)).assumptions if "supports" in s)
     assert "the structure is free" in note
