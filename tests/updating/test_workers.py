@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from fem.lengths import length_text, metres_afterwards, show_lengths
 from fem.linalg.solvers import factorise
 from updating.inference import Workers, cores
 from updating.inference.workers import workers
@@ -41,6 +42,20 @@ def test_other_processes_give_the_same_in_the_same_order(shared):
         # A process that was stopped from outside costs time, not the result.
         assert crew.map(dies, 1, [os.getpid(), os.getpid()]) == [1 + os.getpid()] * 2
         assert crew.pool is None
+
+
+def worded(_, length):
+    """Return a length in words, and the process that worded it."""
+    return length_text(length), os.getpid()
+
+
+def test_texts_of_other_processes_have_the_unit_of_this_one():
+    with metres_afterwards():
+        show_lengths(0.001)
+        with workers(2) as crew:
+            found = crew.map(worded, None, [0.6, 0.8])
+    assert [text for text, _ in found] == ["600 mm", "800 mm"]
+    assert os.getpid() not in {process for _, process in found}
 
 
 def test_one_process_is_this_one(shared):

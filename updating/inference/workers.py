@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+from fem.lengths import show_lengths, shown_unit
 from fem.linalg.solvers import one_thread
 from updating.inference.heartbeat import INTERVAL, beat
 
@@ -105,16 +106,22 @@ def workers(n: int) -> Iterator[Workers]:
 def process_pool(n: int) -> Iterator[ProcessPoolExecutor]:
     """Give a pool of processes that end with this one, however it ends, or when the block exits early.
 
-    Each holds one end of a pipe and ends when the other end, which this process alone holds, is closed.
+    Each holds one end of a pipe and ends when the other end, which this process alone holds, is closed. Its
+    texts have the unit of length that this process has.
     """
     context = get_context("spawn")
     watched, write_end = context.Pipe(duplex=False)
-    with watched, write_end, ProcessPoolExecutor(n, context, _end_with, (watched,)) as pool:
+    with watched, write_end, ProcessPoolExecutor(n, context, _begin, (watched, shown_unit())) as pool:
         try:
             yield pool
         except BaseException:  # leaving the pool waits for its processes, so they must end first
             write_end.close()
             raise
+
+
+def _begin(watched: Connection, unit: float) -> None:
+    show_lengths(unit)
+    _end_with(watched)
 
 
 def _end_with(watched: Connection) -> None:
