@@ -359,6 +359,25 @@ def test_deck_that_includes_the_effects_alone_is_the_deck_with_the_effects(made,
     assert np.abs(frequencies(Path(f"including{Path(name).suffix}")) / expected - 1).max() < 5e-5, written
 
 
+@pytest.mark.parametrize(("std", "divided"), [(0.002, False), (0.0005, True)])
+def test_an_effect_is_at_a_node_that_is_as_near_as_its_position_is_known(found, capsys, std, divided):
+    """Then one card is included and none replaced."""
+    text = (found / "study.toml").read_text()
+    mass = f"point_mass:{member(found, 'node 14', 'node 15')}"
+    (found / "found.toml").write_text(text + effect(mass, mass=0.7, position=0.126))
+    (found / "at_node.toml").write_text(text + effect(mass, mass=0.7, position=0.126 if divided else 0.125))
+    errors = [{"name": "mass", "std": 0.01}, {"name": "position", "std": std}]
+    (found / "result.json").write_text(json.dumps({"effects": [{"name": mass, "parameters": errors}]}))
+    capsys.readouterr()
+    words = ["--effects-only", "--nastran", "cards.bdf", "--merge", "merged.bdf"]
+    assert main(["export", "s/found.toml", *words]) == 0
+    cards = Path("cards.bdf").read_text()
+    assert ("replaces CBEAM" in cards) == ("GRID*" in cards) == divided
+    assert ("at the nearest node, 1 mm away" in capsys.readouterr().out) != divided
+    expected = frequencies(found / "at_node.toml")
+    assert np.abs(frequencies(Path("merged.bdf")) / expected - 1).max() < 5e-5
+
+
 def test_effects_alone_need_effects(found, capsys):
     assert main(["export", "s/study.toml", "--nastran", "c.bdf", "--effects-only"]) == 2
     assert "it has no [[effects]]; dovetail run writes them into found.toml" in capsys.readouterr().err
