@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.file.contents import SourceDeck, StudyContents
 from dovetail.file.table import StudyError
@@ -30,8 +31,10 @@ from fem.io.frame_of_model import ModelDeck, deck_of, with_places
 from fem.io.nastran_changes import nastran_changes
 from fem.io.nastran_write import nastran_text
 from fem.io.source_changes import DeckEdit
+from fem.lengths import shown_length
 from fem.model import Model, ParameterRef, parameter_values
 from fem.system import assemble
+from updating.diagnosis.evidence.places import place_of
 from updating.diagnosis.findings import EffectParameter, scale_of
 
 WRITERS: Mapping[str, Callable[..., str]] = {
@@ -90,7 +93,9 @@ class Exported:
     notes: tuple[str, ...]
 
 
-def exported_deck(study: StudyContents, *, whole: bool) -> tuple[ModelDeck, tuple[str, ...]]:
+def exported_deck(
+    study: StudyContents, *, whole: bool, effects_only: bool = False
+) -> tuple[ModelDeck, tuple[str, ...]]:
     """Return a study's model as a deck, or the cards for what was found, and sentences on what they are.
 
     Cards for what was found leave out fitted values within a standard deviation of the nominal ones.
@@ -104,33 +109,38 @@ def exported_deck(study: StudyContents, *, whole: bool) -> tuple[ModelDeck, tupl
         found = _effects(study, _result(study), whole=True)[0]
         lines = (f"model of {_head(study)}", *_lines(found))
         return _titled(deck_of(study.model, study.name), found), lines
-    one = exported(study)
+    one = exported(study, effects_only=effects_only)
     if not one.found and one.model is one.before:
-        msg = (
-            f"{study.path}: it has no [[effects]], and no {RESULT} with fitted values is next to it; --whole "
-            "exports the model"
-        )
+        values = "" if effects_only else f", and no {RESULT} with fitted values is next to it"
+        msg = f"{study.path}: it has no [[effects]]{values}; --whole exports the model"
         raise StudyError(msg)
     deck = changed_deck(deck_of(one.model, study.name), deck_of(one.before, study.name))
     deck = _titled(deck, one.found)
     return replace(deck, notes=(*one.notes, *deck.notes)), one.lines
 
 
-def exported_edit(study: StudyContents, source: SourceDeck) -> tuple[DeckEdit, Exported]:
+def exported_edit(
+    study: StudyContents, source: SourceDeck, *, effects_only: bool = False
+) -> tuple[DeckEdit, Exported]:
     """Return the cards that make a study's source deck the study's model, and that model.
 
-    Fitted values within a standard deviation of the nominal ones are left out, as are the test's instruments.
+    Fitted values within a standard deviation of the nominal ones are left out, as are the test's instruments;
+    with ``effects_only`` all fitted values are.
 
     Raises
     ------
     StudyError
-        If the model is that of the deck.
+        If the model is that of the deck, or has no effects where these alone are asked for.
     MeshError
         If the deck cannot be read.
     SourceError
         If cards cannot keep its numbers.
     """
-    one = exported(study)
+    nodes = model_of(read_deck(source.file, source.units)).mesh.points if effects_only else None
+    one = exported(study, effects_only=effects_only, nodes=nodes)
+    if effects_only and not one.found:
+        msg = f"{study.path}: it has no [[effects]]; dovetail run writes them into found.toml"
+        raise StudyError(msg)
     deck = _titled(deck_of(one.model, study.name), one.found)
     edit = CHANGES[program_of(source.file)](deck, source.file, DeckUnits.of(source.units))
     if not edit.lines and not edit.notes:
@@ -174,31 +184,48 @@ def _head(study: StudyContents) -> str:
     return f"{study.path.name}, study {study.name}; dovetail {program_version()}"
 
 
-def exported(study: StudyContents) -> Exported:
-    """Return the model to export, and the same without what was found."""
+def exported(
+    study: StudyContents, *, effects_only: bool = False, nodes: NDArray[np.float64] | None = None
+) -> Exported:
+    """Return the model to export, and the same without what was found.
+
+    With ``effects_only`` all uncertain parameters, and the form, are as before they were fitted, and effects
+    are at the nearest of the deck's ``nodes`` (n, 3) [m] that is within the standard deviation of their
+    position: no element need then be divided.
+    """
     result = _result(study)
-    (found, zero), nominal = _effects(study, result), _nominal(study.model, result)
+    (found, zero, std), nominal = _effects(study, result), _nominal(study.model, result)
+    placed = {} if nodes is None else _at_nodes(study.model, std, nodes)
     head = _head(study)
     out = {
         e.name: "it belongs to the test, not to the structure"
         if isinstance(e, OF_THE_TEST)
+        else "uncertain form"
+        if effects_only
         else "uncertain form that is zero within its standard deviation"
         for e in study.model.effects
-        if isinstance(e, OF_THE_TEST) or (e.is_form and len(zero.get(e.name, {})) == len(e.parameters()))
+        if isinstance(e, OF_THE_TEST)
+        or (e.is_form and (effects_only or len(zero.get(e.name, {})) == len(e.parameters())))
     }
     left = {(name, p): absent for name, of in zero.items() if name not in out for p, absent in of.items()}
     model = study.model.without_effect(*out).with_values(left)
     fitted = {ref: each for ref, each in nominal.items() if ref[0] not in found}
     # a part has its model in the other program: change that, rather than add thousands of entries to it
     parts = {e.name for e in model.effects if e.reduced_part}
-    sure = {ref: each for ref, each in fitted.items() if each.sure}
+    sure = {ref: each for ref, each in fitted.items() if each.sure and not effects_only}
     moved = {ref: each for ref, each in sure.items() if ref[0] not in parts}
     model = model.with_values({ref: each.nominal for ref, each in fitted.items() if ref not in moved})
     before = model.without_effect(*(name for name in found if name not in out)).with_values(
         {ref: each.nominal for ref, each in moved.items()}
     )
     found = {name: text for name, text in found.items() if name not in out}
+    model = model.with_values({ref: s for ref, s in placed.items() if ref[0] not in out})
     notes = [
+        f"{ref[0]}: at the nearest node, {_apart(study.model, ref, s)} away, within the standard deviation "
+        "of its position"
+        for ref, s in placed.items()
+    ]
+    notes += [
         f"not in this file, {why}: {', '.join(name for name, other in out.items() if other == why)}"
         for why in dict.fromkeys(out.values())
     ]
@@ -209,9 +236,34 @@ def exported(study: StudyContents) -> Exported:
     ]
     if unsure := [*(ref for ref in fitted if ref not in sure), *left]:
         names = ", ".join(f"{e} {p}" for e, p in unsure)
-        notes.append(f"not in this file, fitted within a standard deviation of the value before: {names}")
+        why = (
+            "as before the fit" if effects_only else "fitted within a standard deviation of the value before"
+        )
+        notes.append(f"not in this file, {why}: {names}")
     lines = (f"found by {head}", *_lines(found), *(f"{ref[0]}: {each.text}" for ref, each in moved.items()))
     return Exported(model, before if found or moved else model, found, lines, tuple(notes))
+
+
+def _at_nodes(
+    model: Model, std: Mapping[ParameterRef, float], nodes: NDArray[np.float64]
+) -> dict[ParameterRef, float]:
+    """Return positions along members of nodes that are nearer than positions of effects are known [m]."""
+    out = {}
+    for name in dict.fromkeys(effect for effect, _ in std):
+        effect = model.effect(name)
+        for p in (p for p in effect.parameters() if p.position):
+            here = effect.locations(model)[0]
+            near = nodes[np.argmin(np.linalg.norm(nodes - here, axis=1))]
+            member, s, off = model.mesh.nearest_on_members(near)
+            same = member == place_of(effect)[1].removeprefix("member ") and off <= 1e-6 * model.mesh.size
+            if same and 0 < abs(s - p.value) <= std[name, p.name]:
+                out[name, p.name] = s
+    return out
+
+
+def _apart(model: Model, ref: ParameterRef, position: float) -> str:
+    value, unit = shown_length(abs(position - model.values()[ref]))
+    return f"{value:.2g} {unit}"
 
 
 def _lines(found: Mapping[str, str]) -> list[str]:
@@ -242,11 +294,12 @@ def _result(study: StudyContents) -> dict[str, Any]:
 
 def _effects(
     study: StudyContents, result: Mapping[str, Any], *, whole: bool = False
-) -> tuple[dict[str, str], dict[str, dict[str, float]]]:
+) -> tuple[dict[str, str], dict[str, dict[str, float]], dict[ParameterRef, float]]:
     """Return the values of a study's [[effects]] and [fitted_form] in words by name, with ± of a result.
 
     The second value has by name the parameters of forms that are zero within a standard deviation, each with
-    its value of no effect; the words leave them out. ``whole`` leaves nothing out.
+    its value of no effect; the words leave them out. ``whole`` leaves nothing out. The third has the standard
+    deviations, NaN where the result has none.
     """
     std = {
         (e["name"], p["name"]): p["std"]
@@ -257,11 +310,13 @@ def _effects(
     std |= {tuple(u["name"].rsplit(".", 1)): u["std"] for u in result.get("uncertain", []) if u["std"]}
     out: dict[str, str] = {}
     zero: dict[str, dict[str, float]] = {}
+    stds: dict[ParameterRef, float] = {}
     tree = tomllib.loads(study.text)
     added = [(t.get("name", f"known {t['candidate']}"), t["candidate"]) for t in tree.get("effects", [])]
     for name, candidate in (*added, *((f"known {form}", form) for form in tree.get("fitted_form", {}))):
         effect = study.model.effect(name)
         known = [(p, std.get((candidate, p.name), math.nan)) for p in effect.parameters()]
+        stds |= {(name, p.name): error for p, error in known}
         zero[name] = {
             p.name: p.absent
             for p, error in known
@@ -273,7 +328,7 @@ def _effects(
             if p.name not in zero[name]
         ]
         out[name] = f"{effect.where}: {', '.join(values)}"
-    return out, zero
+    return out, zero, stds
 
 
 def _nominal(model: Model, result: Mapping[str, Any]) -> dict[ParameterRef, Fitted]:

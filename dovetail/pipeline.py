@@ -76,7 +76,8 @@ def run(
     """Find what a study's model lacks, and write a report.
 
     ``out`` gets ``report.html``, ``result.json``, ``frf.npz`` of a study with FRFs, ``pictures/`` and
-    ``found.toml``, the study with the reported model in it, all of them or none.
+    ``found.toml``, the study with the reported model in it, all of them or none. A study without a file, of a
+    model that was built in Python, has no ``found.toml``.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ def run(
     say, study = progress or (lambda text, done: None), by_modes(study)
     if not has_modes_alone(study):
         measured(study, phases=False)
-    check_outputs(input_files(study.path), Output("out", out, NAMES))
+    check_outputs(input_files(study.path) if study.text else (), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
         result = analyse(study, out, _part(say, 0.0, 0.85), processes)
         write(result, scratch, _part(say, 0.85, 1.0))
@@ -200,6 +201,8 @@ def write(result: RunResult[Verdict], folder: Path, say: Progress) -> None:
             np.savez_compressed(file, **arrays)
     write_json(folder / JSON, result_dict(result))
     write_report(result, album, folder / REPORT)
+    if not result.study.text:
+        return
     with replacing(folder / FOUND) as scratch:
         # the folder's own name: files that the text names are found from there, not from where it is made
         scratch.write_bytes(found_text(result, result.folder).encode())

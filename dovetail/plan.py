@@ -16,7 +16,7 @@ from updating.diagnosis.candidates import situated
 from updating.diagnosis.diagnose import diagnose
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.diagnosis import prepare_search, search_of_problem
-from updating.diagnosis.separation import places_along
+from updating.diagnosis.separation import has_sensor, places_along
 from updating.inference.heartbeat import beating
 from updating.measurement.measurement import Measurement, Sensor
 from updating.plan.check import FailedTrial, Trial, trials
@@ -90,10 +90,13 @@ def choose_channels(
     noise: float | None = None,
     left_db: float | None = None,
     progress: Progress | None = None,
+    *,
+    added: bool = False,
 ) -> ChosenChannels:
     """Choose sensors, and places for forces, by which most relevant effects are named.
 
     From points along all members, along x, y and z. Forces are the study's unless their number is given.
+    Where sensors are ``added``, the study's stay beside them.
 
     Parameters
     ----------
@@ -108,11 +111,12 @@ def choose_channels(
     StudyError
         If more are to be chosen than there are places, or the study has no forces and none are to be chosen.
     """
-    mesh = study.model.mesh
+    mesh, kept = study.model.mesh, study.sensors if added else ()
     possible = tuple(
         Sensor(f"{place.removeprefix('member ')} {axis}", mesh.points[point], np.eye(3)[k])
         for point, place in places_along(study.model)
         for k, axis in enumerate("xyz")
+        if not has_sensor(kept, mesh.points[point], np.eye(3)[k], mesh.size)
     )
     if n_excitations is None and not study.excitations:
         msg = f"{study.path}: it has no [[excitations]]; give the number to choose"
@@ -130,6 +134,7 @@ def choose_channels(
         n_sensors,
         n_excitations,
         study.nuisances,
+        kept=kept,
         sizes=study.relevant,
         noise=USUAL_NOISE if noise is None else noise,
         errors=study.channel_errors,
@@ -140,9 +145,9 @@ def choose_channels(
 
 
 def with_channels(study: StudyContents, chosen: ChosenChannels) -> StudyContents:
-    """Return a study with other sensors and forces, and no measurements."""
+    """Return a study with the sensors and forces of another test, and no measurements."""
     none: dict[str, Any] = {"measurements": (), "amplitudes": (), "frequency": _lines(study)}
-    return replace(study, sensors=chosen.sensors, excitations=chosen.excitations, **none)
+    return replace(study, sensors=(*chosen.kept, *chosen.sensors), excitations=chosen.excitations, **none)
 
 
 def _settings(study: StudyContents) -> dict[str, Any]:

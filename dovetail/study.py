@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from dovetail.result import RunResult
     from updating.diagnosis.findings import Finding
     from updating.inference.fit_result import FitResult
+    from updating.measurement.measurement import Measurement, Sensor
     from updating.quality.corrections import Fault
 
 
@@ -80,6 +81,47 @@ class Study(config.StudyContents):
     start: Model | None = None
     fitted: FitResult | None = None
     faults: tuple[Fault, ...] = ()
+
+    @classmethod
+    def from_model(
+        cls,
+        model: Model,
+        measurements: Sequence[Measurement] = (),
+        *,
+        sensors: Sequence[Sensor] = (),
+        excitations: Sequence[Sensor] = (),
+        name: str = "model",
+        **tables: Any,
+    ) -> Study:
+        """Return a study of a model that was built in Python, without a study file.
+
+        ``Study.from_model(model, [measured], uncertain={"E": 0.02}, fit={"band": [20, 700]})`` judges by what
+        the study file with these tables says; what is not given has the defaults of the study file. The mesh
+        stays as it is.
+
+        Parameters
+        ----------
+        model : Model
+            With a point of the mesh at each sensor and force (:func:`updating.place_sensors`).
+        measurements : sequence of Measurement
+        sensors, excitations : sequence of Sensor
+            Of a planned test, or of measured modes; those of the measurements need not be given.
+        name : str
+        **tables
+            ``modes``, ``uncertain``, ``candidates``, ``fit``, ``form``, ``frequency``, ``relevant`` and
+            ``channel_errors`` with the keys of docs/study-file.md.
+
+        Raises
+        ------
+        StudyError
+            For an unknown table or key, and a value that cannot be meant.
+        MeasurementError
+            If a sensor or a force is at no point of the mesh.
+        """
+        from dovetail.file.of_model import contents_of_model
+
+        made = contents_of_model(model, measurements, sensors, excitations, name, tables)
+        return cls(**{f.name: getattr(made, f.name) for f in fields(made)})
 
     def __repr__(self) -> str:
         """Return one line: arrays and texts of a study fill many screens."""
@@ -484,13 +526,21 @@ class Study(config.StudyContents):
         Raises
         ------
         StudyError
-            If an added effect is none that a study file can name.
+            If an added effect is none that a study file can name, or the study has no file: it is of a model
+            that was built in Python.
         OutputError
             If ``path`` is one of the files that the study reads.
         """
         from dovetail.found import text_with_model, with_test
 
         path = Path(path)
+        if not self.text:
+            msg = (
+                f"{path}: a model that was built in Python has no study file to write; pickle the study, or "
+                "write the model as a deck, fem.io.nastran_text(fem.io.deck_of(study.model)), of which "
+                "dovetail new --from makes one"
+            )
+            raise StudyError(msg)
         check_outputs(input_files(self.path), Output("path", path))
         values, damping = {}, None
         if self.start is not None:

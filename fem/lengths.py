@@ -41,6 +41,11 @@ def shown_length(value: float) -> tuple[float, str]:
     return value / _UNITS[_SHOWN.unit], _SHOWN.unit
 
 
+def shown_unit() -> float:
+    """Return the unit that texts have [m], for :func:`show_lengths` in another process."""
+    return _UNITS[_SHOWN.unit]
+
+
 def length_text(value: float) -> str:
     """Return a length to a millimetre [m], such as ``0.600 m`` or ``600 mm``."""
     number, unit = shown_length(value)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
+from difflib import get_close_matches
 from itertools import accumulate
 from typing import Any
 
@@ -49,6 +50,22 @@ def listed(names: Iterable[str]) -> str:
     names = list(names)
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
     return (", ".join(names[:_MOST_NAMES]) + more) or "none"
+
+
+def nearest(word: str, known: Iterable[str], n: int = 1, likeness: float = 0.6) -> list[str]:
+    """Return the words, ``n`` at most, that are most like another one, capitals or not, the nearest first.
+
+    ``likeness`` is the least ratio of :class:`difflib.SequenceMatcher` [-].
+    """
+    found: dict[str, str] = {}
+    for one in known:
+        found.setdefault(one.casefold(), one)
+    return [found[key] for key in get_close_matches(word.casefold(), found, n, likeness)]
+
+
+def did_you_mean(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
+    """Return the question for the word that is most like another one; empty if none is."""
+    return "".join(f"did you mean '{one}'?" for one in nearest(word, known, 1, likeness))
 
 
 def summary(self: Any, text: str) -> str:

@@ -373,6 +373,23 @@ def reproduced(model: Model, Q: Any, constraints: Sequence[Constraint]) -> NDArr
     return found @ Vt[: int((s > _ROUNDING * max(s[0], 1.0)).sum())].T
 
 
+def held_by(model: Model) -> tuple[tuple[str, ...], int]:
+    """Return the names of effects that oppose rigid-body motions, and how many of these nothing opposes.
+
+    A support, a spring or joint to the ground, an elastic foundation; not what takes a motion away from all
+    of the structure, as a plane does.
+    """
+    motions, size = rigid_motions(model), model.mesh.size
+    rows = [resistance(model.parts_of(e), motions, size, _ROUNDING) for e in model.effects]
+    names = [e.name for e, of in zip(model.effects, rows, strict=True) if len(of)]
+    for c in model.constraints():
+        row = c.coefficients @ motions[c.dofs] / np.abs(c.coefficients).max()
+        if np.abs(row).max() > _ROUNDING:
+            rows.append(row[None])
+            names += [] if c.everywhere else [c.key[0]]
+    return tuple(dict.fromkeys(names)), unopposed(np.vstack(rows), 10 * _ROUNDING).shape[1]
+
+
 def _allowed(model: Model, Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
     """Return the rigid-body motions (n_free, n_rigid) that Q reproduces and that no element resists."""
     motions = rigid_motions(model) @ reproduced(model, Q, constraints)

@@ -15,8 +15,11 @@ from fem.io.atomic import replacing
 from fem.lengths import show_lengths
 from fem.summary import counted
 from updating.measurement.measurement import usable_lines
+from updating.quality.channels import check_channels
 
 EXAMPLE = "dovetail check study.toml --picture faults.png"
+UNMOVED = {"model", "no properties", "mechanism", "loose part", "unused point"}
+"""Faults of a model that has no motion, or one that nothing opposes: nothing is asked of its sensors."""
 RESULTS = Results(picture="the faults, and how a mechanism moves", rendered=True)
 
 
@@ -30,6 +33,9 @@ def run(options: Options, progress: Progress) -> Answer:
     progress("checking the model")
     faults = tuple(f for f in check_model(study.model) if f.kind != "implausible")
     faults += tuple(Defect("implausible", words) for words in study.implausible)
+    if not any(f.kind in UNMOVED for f in faults):
+        lines = study.measurements[0].frf.frequency if study.measurements else study.frequency
+        faults += check_channels(study.model, study.sensors, study.excitations, lines, study.measurements)
     faults += tuple(Defect("refused", words) for words in refusals)
     if options.picture is not None:
         from viz.render import render_faults

@@ -39,11 +39,21 @@ INSERT: Mapping[str, tuple[str, ...]] = {
     "ansys": (r"\s*(/SOLU|FINISH|/EOF)\b",),
 }
 """Patterns of the lines of a deck before which cards, and lines of case control, go."""
-PLACE: Mapping[str, str] = {
-    "nastran": "put these cards into {} before ENDDATA, and delete the cards that they replace",
-    "abaqus": "put these keywords into {} before *STEP, and delete the lines that they replace",
-    "ansys": "read these commands after {}: they redefine what they replace, so nothing is to be deleted",
+PLACE: Mapping[str, tuple[str, str]] = {
+    "nastran": (
+        "put these cards, or INCLUDE '{file}', into {deck} before ENDDATA",
+        ", and delete the cards that they replace",
+    ),
+    "abaqus": (
+        "put these keywords, or *INCLUDE, INPUT={file}, into {deck} before *STEP",
+        ", and delete the lines that they replace",
+    ),
+    "ansys": (
+        "read these commands by /INPUT,{file} after {deck}",
+        ": they redefine what they replace, so nothing is to be deleted",
+    ),
 }
+"""Where cards go, and, where they replace some, what to do with these."""
 AGREEMENT = 1e-4
 """Difference of natural frequencies up to which a deck is its model [-]."""
 NUMBERED = "new cards are numbered from 900001 (ANSYS: tables from 9001), bars as the lines of the study"
@@ -59,6 +69,11 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         "--whole",
         action="store_true",
         help="the whole model, with a request of its modes (default: what was found)",
+    )
+    p.add_argument(
+        "--effects-only",
+        action="store_true",
+        help="the found effects alone, without fitted values of what the deck has",
     )
     p.add_argument(
         "--into",
@@ -111,7 +126,7 @@ def _edit(
 ) -> tuple[DeckEdit, Exported] | None:
     """Return the cards for the source deck; None with a note where its numbers cannot be kept."""
     try:
-        return exported_edit(study, source)
+        return exported_edit(study, source, effects_only=options.effects_only)
     except SourceError as reason:
         if options.merge is not None:
             msg = f"--merge {options.merge}: {reason}"
@@ -159,6 +174,9 @@ def run(options: Options, progress: Progress) -> Answer:
             for name, path in (*paths.items(), ("merge", options.merge), ("uff", options.uff))
         ),
     )
+    if options.whole and options.effects_only:
+        msg = "--whole exports the model, and --effects-only what was found alone; give one of them"
+        raise OutputError(msg)
     study = loaded(options, ())
     lines: tuple[str, ...] = ()
     notes: list[str] = []
@@ -186,9 +204,11 @@ def run(options: Options, progress: Progress) -> Answer:
     if source is not None and edit is not None:
         cards, found = edit
         lines, into = found.lines, source.file
-        heading = (*lines, f"units {_named(units)}", PLACE[program].format(into.name))
-        notes += [f"case control needs {line}" for line in cards.control]
         replaces = [*map(str, cards.replaced), *cards.redefined]
+        place = "".join(PLACE[program][: 1 + bool(replaces)])
+        file = paths[program].name if program in paths else into.name
+        heading = (*lines, f"units {_named(units)}", place.format(file=file, deck=into.name))
+        notes += [f"case control needs {line}" for line in cards.control]
         if replaces:
             notes.append(f"replaces {listed(replaces)}")
         notes += cards.notes
@@ -202,7 +222,7 @@ def run(options: Options, progress: Progress) -> Answer:
         notes.append(f"{source.file.name} is no deck of {' or '.join(others)}: {NUMBERED}")
     if others:
         progress("making the deck")
-        deck, lines = exported_deck(study, whole=options.whole)
+        deck, lines = exported_deck(study, whole=options.whole, effects_only=options.effects_only)
         heading = (*lines, f"units {_named(units)}")
         texts |= {paths[name]: WRITERS[name](deck, DeckUnits.of(units), heading, MODES) for name in others}
         notes += deck.notes
@@ -226,6 +246,7 @@ def run(options: Options, progress: Progress) -> Answer:
             "files": files,
             "units": _named(units),
             "whole": options.whole,
+            "effects_only": options.effects_only,
             "exported": lines,
             "replaces": replaces,
             "notes": notes,

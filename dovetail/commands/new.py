@@ -114,6 +114,7 @@ def _from_test(options: Options, progress: Progress) -> Answer:
         draft = Draft({STUDY: study_text(structure, mesh.name), **structure.files}, structure.notes)
     else:
         draft = draft_study(
+            mesh.stem,
             measured,
             structure,
             folder,

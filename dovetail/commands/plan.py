@@ -43,6 +43,12 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="choose N sensors, from points along all members, by which most is named, and map that test",
     )
     p.add_argument(
+        "--add",
+        type=count,
+        metavar="N",
+        help="add N sensors to those of the study where they name most, and map that test",
+    )
+    p.add_argument(
         "--excitations",
         type=count,
         metavar="N",
@@ -90,13 +96,22 @@ def run(options: Options, progress: Progress) -> Answer:
     if options.excitations is not None and options.choose is None:
         msg = "--excitations chooses forces in addition to sensors; give the number of sensors: --choose N"
         raise StudyError(msg)
+    if options.add is not None and options.choose is not None:
+        msg = "--add keeps the study's sensors, and --choose chooses all; give one of them"
+        raise StudyError(msg)
     study = loaded(options)
     if options.check or options.separate:
         require_planned(study, options.noise, options.left)
     chosen = None
-    if options.choose is not None:
+    if n_sensors := options.choose or options.add:
         chosen = choose_channels(
-            study, options.choose, options.excitations, options.noise, options.left, progress
+            study,
+            n_sensors,
+            options.excitations,
+            options.noise,
+            options.left,
+            progress,
+            added=options.add is not None,
         )
         study = with_channels(study, chosen)
     plan = plan_study(study, options.noise, options.left, progress)
@@ -111,12 +126,15 @@ def run(options: Options, progress: Progress) -> Answer:
         render_plan(plan, options.picture, study.name)
     kinds = planning.table_of_kinds(planning.kind_rows(plan))
     fields, printed = planning.plan_dict(plan), planning.chosen_lines(chosen) if chosen else []
-    printed += [f"{study.name}: {planning.title(plan)}", planning.headline(plan), "", kinds]
+    printed += [f"{study.name}: {planning.title(plan)}", *planning.missing_first(plan, study.path)]
+    printed += [planning.headline(plan), "", kinds]
     for title, some in (
         ("seen, but not distinguished:", planning.twin_lines(plan)),
         ("not seen in relevant size:", planning.blind_lines(plan)),
     ):
         printed += ["", title, *(f"  {line}" for line in some)] if some else []
+    if not chosen and not plan.is_measured:
+        printed += ["", "--add 1 says where one more sensor would name most"]
     if chosen:
         fields["chosen"] = planning.chosen_dict(chosen)
     if quieter:

@@ -18,10 +18,7 @@ SHOWN = {
     "located": "located: at this place",
     "named": "named: this kind of effect",
 }
-"""What a test shows of an effect, in the words of the columns of the table."""
-
-SHARES = ("seen", "place", "named")
-"""Columns that break no lines."""
+"""What a test shows of an effect, by the columns of the table, which break no lines."""
 
 
 class PlanView:
@@ -75,7 +72,7 @@ class PlanView:
         when = "" if present else " Beside an earlier hypothesis; ask again for the present one."
         ui.label(f"{planning.title(plan)}.{when}").classes("desk-note")
         ui.label(planning.headline(plan)).classes("desk-name")
-        names = [name for name, _ in planning.named_kinds(plan)]
+        names = list(plan.kinds)
         if not names:
             return
         self._kind = self._kind if self._kind in names else names[0]
@@ -92,7 +89,7 @@ class PlanView:
                 "label": h,
                 "field": h,
                 "align": "left",
-                "classes": "desk-share" if h in SHARES else "",
+                "classes": "desk-share" if h in SHOWN else "",
             }
             for h in head
         ]

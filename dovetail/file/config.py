@@ -27,7 +27,6 @@ from dovetail.file.conventions import check_phase
 from dovetail.file.effects import candidates_of, known_candidates, read_changes, read_effects, read_values
 from dovetail.file.faults import as_mounted, read_faults
 from dovetail.file.geometry import (
-    MOST_ELEMENTS,
     Geometry,
     TooManyElementsError,
     describe_sizes,
@@ -76,7 +75,7 @@ from dovetail.file.settings import (
 )
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable, with_unknown_keys
-from dovetail.file.uncertain import mode_std, read_uncertain, shear_std
+from dovetail.file.uncertain import mode_std, read_uncertain, with_shear
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
 from fem.effects.joint import Joint
@@ -88,6 +87,8 @@ from fem.io.faults import existing
 from fem.io.programs import program_of_text
 from fem.mesh import Mesh
 from fem.model import Damping, Effect, Model
+from fem.summary import counted, listed
+from fem.system import held_by
 from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import unknown_of
 from updating.measurement.channel_errors import USUAL, ChannelErrors
@@ -307,17 +308,17 @@ class _Parts:
         places += [mesh.points[[j.point1]] for j in self.joints if j.point2 is None]
         return next((at[0] for at in places if len(at)), mesh.points[0])
 
-    def note_free(self, notes: list[str]) -> None:
-        """Note the assumption of a study without supports."""
-        if self.supports:
-            return
-        grounded = [j.name for j in self.joints if j.point2 is None]
-        notes.append(
-            f"no supports are given: {', '.join(grounded)} alone hold the structure"
-            if grounded
-            else "no supports are given: the structure is free. If something holds it, [[supports]] are "
+
+def free_note(model: Model) -> str:
+    """Return in words what holds a structure without supports."""
+    names, n_free = held_by(model)
+    if not names:
+        return (
+            "no supports are given: the structure is free. If something holds it, [[supports]] are "
             "missing (in a deck SPC, *BOUNDARY or D)"
         )
+    free = f", and free in {counted(n_free, 'rigid-body motion')}" * bool(n_free)
+    return f"no supports are given: the structure is held by {listed(names)} alone{free}"
 
 
 def _highest(
@@ -423,7 +424,7 @@ class _Reader:
         measurements = tuple(m for m, phase in zip(every, phased, strict=True) if phase)
         amplitudes = tuple(m for m, phase in zip(every, phased, strict=True) if not phase)
         spreads: list[str] = []
-        nuisances, damping_std = read_uncertain(top, model, parts.joints, spreads)
+        nuisances, damping_std = read_uncertain(top, model, spreads)
         notes += spreads
         plan = self._plan(model, groups, nuisances, bool(raw), any(r.phase for r in raw), modes)
         self.warnings += [f"{m.name} has {WITHOUT_PHASE}" for m in amplitudes]
@@ -440,7 +441,8 @@ class _Reader:
         if measurements and modes is not None and "baseline" in top:
             unused = "the FRFs of [[measurements]] are" if baseline is not None else "[modes] are"
             self.warnings.append(f"{unused} not used: [baseline] says by what the two states are compared")
-        parts.note_free(notes)
+        if not parts.supports:
+            notes.append(free_note(model))
         return StudyContents(
             name=name,
             description=description,
@@ -628,7 +630,7 @@ class _Reader:
         top, sizes = self.top, parts.sizes
         table = top.table("mesh")
         size = table.number("element_size", None, above=0, unit="m")
-        most = table.integer("max_elements", MOST_ELEMENTS)
+        most = table.integer("max_elements", None)
         for key in ("file", "scale", "merge_tolerance", "sets", "connect", "plane", "free_points"):
             table.get(key, None)
         table.finish()
@@ -666,9 +668,7 @@ class _Reader:
                 Model(mesh, effects, damping), [sensor for group in groups for sensor in group]
             )
             model = read_effects(top, model, *groups)
-            shear = SectionShear.of(model)
-            model = model.with_effect(shear) if shear and shear_std(top) else model
-            model = read_rotation(top, read_values(top, model), notes)
+            model = read_rotation(top, read_values(top, with_shear(top, model)), notes)
             refuse_space(top, model)
             model.contributions()  # finds values that no matrix can be made of
         return model

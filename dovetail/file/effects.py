@@ -2,12 +2,11 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from dovetail.file.table import StudyTable, suggest
+from dovetail.file.table import StudyTable, no_candidate, suggest
 from dovetail.file.toml import rounded, rounded_or_zero, toml_table
 from fem.effects import candidate_kinds, effect_classes
 from fem.effects.joint import Spread
@@ -158,10 +157,7 @@ def candidate_named(
         raise ModelError(msg)
     by_name = {e.name: e for e in candidates_of(kind, model, sensors, excitations)}
     if name not in by_name:
-        near = get_close_matches(name, by_name, 3, 0.3) or list(by_name)[:3]
-        among = f"; the nearest are {', '.join(near)}" if near else ", nor another of this kind"
-        msg = f"the model has no candidate '{name}'{among}"
-        raise ModelError(msg)
+        raise ModelError(no_candidate(name, list(by_name)))
     return by_name[name]
 
 

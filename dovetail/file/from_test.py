@@ -71,6 +71,7 @@ class Draft:
 
 
 def draft_study(
+    title: str,
     measured: Path,
     structure: Structure,
     folder: Path,
@@ -83,6 +84,8 @@ def draft_study(
 
     Parameters
     ----------
+    title : str
+        Name of the study.
     measured : Path
         FRFs whose labels are degrees of freedom, such as ``12Z+`` or ``12:+Z``.
     structure : Structure
@@ -143,7 +146,7 @@ def draft_study(
         if not n:
             msg = f"{measured}: none of its {'responses' if name == SENSORS else 'forces'} is on the mesh"
             raise StudyError(msg)
-    text = _text(structure, measured, folder, kind)
+    text = _text(title, structure, measured, folder, kind)
     counts = f"{tables[SENSORS][1]} sensors and {tables[EXCITATIONS][1]} excitations"
     notes.insert(0, f"{counts}: {found.describe()}")
     files = {name: table for name, (table, _) in tables.items()}
@@ -265,7 +268,7 @@ def _table(
     return out.getvalue(), len(rows)
 
 
-def _text(structure: Structure, measured: Path, folder: Path, kind: str | None) -> str:
+def _text(title: str, structure: Structure, measured: Path, folder: Path, kind: str | None) -> str:
     """Return the text of a study of a structure and a test."""
     stated = {} if kind is None else {"kind": kind}
     change = (
@@ -285,7 +288,7 @@ sensors = {toml_value(SENSORS)} # where the test's points lie on the mesh
 excitations = {toml_value(EXCITATIONS)}
 
 [study]
-name = {toml_value(measured.stem)}
+name = {toml_value(title)}
 
 {structure.text}
 {toml_table("[[measurements]]", {"file": named_from(folder, measured), **stated})}

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from fem.io import read_mesh
 from fem.io.faults import no_file
 from fem.mesh import Mesh, MeshError, MeshWarning, merge_names
 from fem.model import Model
-from fem.plausibility import Suspicion, si_number, suspicions
+from fem.plausibility import USUAL_SOUND, Suspicion, si_number, suspicions, suspicions_of_material
 from fem.sections.section import Section
 
 TOUCH = 1e-6
@@ -294,7 +294,7 @@ def refine(
     size: float | None,
     by_member: dict[str, tuple[float | None, int | None]],
     at_least: int = 4,
-    most: int = MOST_ELEMENTS,
+    most: int | None = None,
 ) -> tuple[Mesh, NDArray[np.float64]]:
     """Return the mesh with elements short enough, and the lengths aimed at, member by member.
 
@@ -311,8 +311,9 @@ def refine(
         Element size [m] or count of single members.
     at_least : int
         Fewest elements of a member.
-    most : int
-        Most elements in all; the mesh's own lines are never too many.
+    most : int, optional
+        Most elements in all; the mesh's own lines are never too many. Unless given, ``MOST_ELEMENTS``, and of
+        materials whose speed of sound is implausible no more than the usual one asks for.
 
     Raises
     ------
@@ -331,8 +332,10 @@ def refine(
             if zone > 0:  # the zone must fit into the element at its end, with as much flexible length again
                 n[k] = max(1, min(n[k], int(length[rows[k]] / (2 * zone))))
         pieces[rows] = n
-    if not pieces.sum() <= max(most, mesh.n_lines):
-        raise _too_many(mesh, pieces, properties, sizes, max_frequency, most)
+    if not pieces.sum() <= max(most or MOST_ELEMENTS, mesh.n_lines):
+        raise _too_many(mesh, pieces, properties, sizes, max_frequency, most or MOST_ELEMENTS)
+    if most is None:
+        _refuse_slow_waves(mesh, pieces, properties, sizes, max_frequency, at_least)
     return mesh.split(pieces), np.array([h for h, _ in sizes.values()])
 
 
@@ -385,6 +388,36 @@ def _too_many(
     advice = "" if odd else "check these values; or "
     text = f"{cause}{text}, {what}; {advice}lower the frequency range, give element_size, or allow more"
     return TooManyElementsError(text, name, key, odd)
+
+
+def _refuse_slow_waves(
+    mesh: Mesh,
+    pieces: NDArray[np.float64],
+    properties: dict[str, MemberProperties],
+    sizes: dict[str, tuple[float, str]],
+    max_frequency: float,
+    at_least: int,
+) -> None:
+    """Refuse a mesh that only an implausible material makes fine, rather than compute with it for minutes."""
+    materials = {id(p.material): p.material for p in properties.values()}
+    odd = {k: some for k, m in materials.items() if (some := tuple(suspicions_of_material(m)))}
+    for name, (_, key) in sizes.items():
+        p = properties[name]
+        if key != "waves" or id(p.material) not in odd:
+            continue
+        rows, m = mesh.members[name], p.material
+        length = float(mesh.lengths()[rows].sum())
+        usual = replace(p, material=replace(m, E=m.rho * USUAL_SOUND**2))
+        size = min(element_size(usual, max_frequency), length / least_elements(p, at_least))
+        n, enough = int(pieces[rows].sum()), int(np.ceil(length / size - 1e-6))
+        if n > max(enough, len(rows)):
+            reasons = odd[id(m)]
+            text = (
+                f"{'; '.join(s.message for s in reasons)}; member '{name}' would have {n} elements for waves "
+                f"at {max_frequency:g} Hz, and {enough} with the usual speed of sound; correct the value, or "
+                "give element_size if it is meant"
+            )
+            raise TooManyElementsError(text, name, key, reasons)
 
 
 def element_size(p: MemberProperties, frequency: float) -> float:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 from dovetail.file.measured import notes_of
 from dovetail.file.mode_table import TABLE_SUFFIXES, read_mode_table
 from dovetail.file.sensors import Channel, Nodes
-from dovetail.file.table import StudyTable, suggest
+from dovetail.file.table import StudyTable, no_candidate, suggest
 from fem.analysis.modes import Modes
 from fem.effects import candidate_kinds
 from fem.io import UFF_SUFFIXES, read_modes, read_npz_mode_std
@@ -496,12 +495,7 @@ def _effects(t: StudyTable, model: Model, candidates: Callable[[str], tuple[Effe
             members = [f"{kind}:{m}" for m in model.mesh.groups.get(where, ())]
             wanted = [n for n in proposed if fnmatchcase(n, word) or n == word or n in members]
             if not wanted:
-                near = get_close_matches(word, proposed, 3, 0.3) or list(proposed)[:3]
-                t.refuse(
-                    "effect",
-                    f"the model has no candidate '{word}'"
-                    + (f"; the nearest are {', '.join(near)}" if near else ", nor another of this kind"),
-                )
+                t.refuse("effect", no_candidate(word, list(proposed)))
             found = [names.get(f"known {n}", proposed[n]) for n in wanted]
         elif where and kind not in candidate_kinds():
             t.refuse("effect", f"there is no kind of effect '{kind}'; {suggest(kind, candidate_kinds())}")

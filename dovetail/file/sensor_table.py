@@ -1,7 +1,6 @@
 """Sensors and excitations as rows of a table in a text file (CSV), with row and column in every error."""
 
 import csv
-import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from dovetail.file.lines import Path as KeyPath
 from dovetail.file.table import Source, StudyError, StudyTable
 from fem.io.columns import text_of
 from fem.io.faults import no_file
+from fem.summary import did_you_mean
 from updating.measurement.matching import SCALES
 
 NUMBERS = ("gain", "mass", "sign", "phase", "position", "node", "offset_y", "offset_z")
@@ -165,9 +165,8 @@ def _columns(name: str, head: Sequence[str], notes: list[str]) -> tuple[dict[str
                 raise StudyError(msg)
             units[key] = SCALES[unit[1]]
     for title in unused:
-        close = difflib.get_close_matches(title.lower(), COLUMNS, 1, 0.75)
-        hint = f"; did you mean '{close[0]}'?" if close else ""
-        notes.append(f"{name}: the column {title} is not used{hint}")
+        hint = did_you_mean(title, COLUMNS, 0.75)
+        notes.append("; ".join(filter(None, [f"{name}: the column {title} is not used", hint])))
     for group in (_PLACE, _VECTOR, _OFFSET):
         some = [key for key in group if key in found]
         if some and len(some) < len(group):

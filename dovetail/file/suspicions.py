@@ -44,13 +44,18 @@ RATIO_SUSPECTS: tuple[tuple[float, str], ...] = (
 )
 """The same of responses to a motion, of the base for example: their size does not depend on all stiffness."""
 
+UNIT_FACTORS = (1 / G0, G0, 1e3, 1e-3, 1e6, 1e-6, 39.3701, 1 / 39.3701)
+"""Between units of single channels."""
+
 STILL = 1e-3
 """Motion of the model at the sensors, relative to its largest, below which it counts as at rest there [-]."""
 
 LARGE_FACTOR = 2.5
 """Ratio of measured to computed FRFs beyond which a word is said [-]."""
 
-_LEAST_LINES = 8
+_LEAST_LINES, _LEAST_CHANNELS = 8, 3
+_SPREAD_OF_UNITS = 0.1
+"""Median deviation over lines of a channel's ratio to the model, if that may be one factor [decades]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,8 +235,8 @@ def suspicions(
         if to_model is None:
             continue
         text = _axis_words(c, to_model, r.axis_unit) or _size_words(c, to_model, e)
-        if text:
-            out.append(f"the FRFs of {r.name} {text}; check_units = false switches this check off")
+        texts = [text] if text else _channel_words(c.measurement, to_model)
+        out += [f"the FRFs of {r.name} {text}; check_units = false switches this check off" for text in texts]
     return out
 
 
@@ -314,6 +319,33 @@ def _size_words(comparison: LazyComparison, to_model: RatioToModel, evidence: Ph
         f"are {factor:.3g} times the model's (median over {x.size} lines): either {data}, or the model "
         f"{model}"
     )
+
+
+def _channel_words(m: Measurement, to_model: RatioToModel) -> list[str]:
+    """Return channels whose ratio to the model is that of the others times a factor between units."""
+    log, out = to_model.log.copy(), []
+    log[:, m.frf.is_strain] = np.nan
+    for axis, word, names in ((1, "sensor", m.frf.outputs), (2, "excitation", m.frf.inputs)):
+        if len(names) < _LEAST_CHANNELS:
+            continue
+        each = np.moveaxis(log, axis, 0).reshape(len(names), -1)
+        each = [x[np.isfinite(x)] if np.isfinite(x).mean() > 0.5 else x[:0] for x in each]
+        levels = [_centre(x) if x.size else (np.nan, np.inf) for x in each]
+        known = [level for level, _ in levels if np.isfinite(level)]
+        middle = float(np.median(known)) if known else np.nan
+        for name, (level, spread) in zip(names, levels, strict=True):
+            # a wrong place changes the ratio from line to line, a unit does not
+            if not spread < _SPREAD_OF_UNITS:
+                continue
+            off = (level - middle) * (1 if word == "sensor" else -1)
+            distance, suspect = min((abs(off - np.log10(f)), f) for f in UNIT_FACTORS)
+            if distance < np.log10(1.2):
+                out.append(
+                    f"at {word} {name} are {10 ** (level - middle):.3g} times those at the others, compared "
+                    f"with the model: either its unit is another one (gain = {suspect:.6g} corrects that), "
+                    "or the model moves otherwise there; look at its place and direction"
+                )
+    return out
 
 
 def kind_by_model(

@@ -1,7 +1,6 @@
 """Reading the tables of a study file, with file, line and key in every error."""
 
 import copy
-import difflib
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from dovetail.file.lines import Path
 from fem.directions import direction_vector, directions_from
+from fem.summary import did_you_mean, nearest
 
 MOST = 2**63 - 1
 """Largest whole number that is read."""
@@ -134,9 +134,9 @@ class StudyTable:
         """
         unknown = [key for key in self.values if key not in self._known]
         for key in unknown:
-            close = difflib.get_close_matches(key, self._known, 1, 0.6)
-            hint = f"did you mean '{close[0]}'? " if close else ""
-            text = f"unknown key; {hint}allowed are {', '.join(sorted(self._known))}"
+            allowed = sorted(self._known)
+            hint = " ".join(filter(None, [did_you_mean(key, allowed), f"allowed are {', '.join(allowed)}"]))
+            text = f"unknown key; {hint}"
             raise UnknownKeyError(str(self.error(key, text)), self.path, unknown, sorted(self._known))
 
     def get(self, key: str, default: Any = MISSING, stand_in: Any = None) -> Any:
@@ -150,9 +150,7 @@ class StudyTable:
 
     def unread_like(self, key: str) -> str:
         """Return the unread key that is most like another one, capitals or not; empty if none is."""
-        unread = {k.lower(): k for k in self.values if k not in self._known}
-        close = difflib.get_close_matches(key.lower(), unread, 1, 0.6)
-        return unread[close[0]] if close else ""
+        return "".join(nearest(key, (k for k in self.values if k not in self._known)))
 
     def refuse_without(self, key: str, text: str, stand_in: Any = None) -> NoReturn:
         """Raise the error that a key is missing, with an unread key that is like it."""
@@ -357,8 +355,7 @@ def _table_at(values: Any, path: Path) -> dict[str, Any] | None:
 
 
 def _missing_words(missing: MissingKeyError, found: UnknownKeyError) -> str:
-    close = difflib.get_close_matches(missing.key, found.unknown, 1, 0.6)
-    named = close or (found.unknown if len(found.unknown) == 1 else ())
+    named = nearest(missing.key, found.unknown) or (found.unknown if len(found.unknown) == 1 else ())
     text = str(missing).partition("; is it the unknown key")[0]
     listed = " and ".join(f"'{key}'" for key in found.unknown)
     hint = f"is it the unknown key '{named[0]}'?" if named else f"{listed} are unknown keys;"
@@ -377,9 +374,15 @@ def as_vector(table: StudyTable, key: str, value: Any, size: int | None, unit: s
 def suggest(word: str, known: Iterable[str]) -> str:
     """Return the allowed words instead of one, the nearest first."""
     known = list(known)
-    close = difflib.get_close_matches(word, known, 1, 0.6)
     listed = ", ".join(known[:20]) + (f" and {len(known) - 20} more" if len(known) > 20 else "")
-    return (f"did you mean '{close[0]}'? " if close else "") + f"allowed are {listed or 'none'}"
+    return " ".join(filter(None, [did_you_mean(word, known), f"allowed are {listed or 'none'}"]))
+
+
+def no_candidate(name: str, known: Sequence[str]) -> str:
+    """Return that a model has no candidate of a name, and the nearest ones of its kind."""
+    near = nearest(name, known, 3, 0.3) or known[:3]
+    among = f"; the nearest are {', '.join(near)}" if near else ", nor another of this kind"
+    return f"the model has no candidate '{name}'{among}"
 
 
 def _is_number(value: Any) -> bool:

@@ -19,14 +19,12 @@ SHEAR_STD = 0.3
 """Relative standard deviation of shear coefficients of sections with walls, unless the study gives it."""
 
 
-def read_uncertain(
-    top: StudyTable, model: Model, joints: tuple[Joint, ...], notes: list[str]
-) -> tuple[tuple[Nuisance, ...], float]:
+def read_uncertain(top: StudyTable, model: Model, notes: list[str]) -> tuple[tuple[Nuisance, ...], float]:
     """Read ``[uncertain]``: relative standard deviations; 0 for a known parameter."""
     t = top.table("uncertain")
     default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "parts": 0.05, "shear": SHEAR_STD, "damping": 0.5}
     std = {key: t.number(key, None, least=0) for key in default}
-    shear, parts = model.of_kind(SectionShear), model.of_kind(Superelement)
+    shear, parts, joints = model.of_kind(SectionShear), model.of_kind(Superelement), model.of_kind(Joint)
     there = {"E": bool(model.mesh.members), "rho": bool(model.mesh.members), "parts": bool(parts)}
     there |= {"joints": any(j.elastic for j in joints), "shear": bool(shear)}
     assumed = [key for key, value in std.items() if value is None and there.get(key, True)]
@@ -54,9 +52,10 @@ def read_uncertain(
     return with_turning([n for n in out if n.std > 0], model), std["damping"]
 
 
-def shear_std(top: StudyTable) -> float:
-    """Return the relative standard deviation of shear coefficients."""
-    return top.table("uncertain").number("shear", SHEAR_STD, least=0)
+def with_shear(top: StudyTable, model: Model) -> Model:
+    """Return a model whose shear coefficients of walls can be fitted, unless they are stated as known."""
+    shear, std = SectionShear.of(model), top.table("uncertain").number("shear", SHEAR_STD, least=0)
+    return model.with_effect(shear) if shear and std else model
 
 
 def mode_std(top: StudyTable, part: str) -> float:

@@ -83,9 +83,9 @@ def _add_frfs(result: FrfResult, out: Figures) -> None:
 def sizes(plan: Plan, what: str, kind: str = "") -> Figure:
     """Return the structure with the least sizes that are ``seen``, ``located`` or ``named``.
 
-    Of one kind of :func:`dovetail.report.planning.named_kinds`, or of all, of which the first is visible.
+    Of one kind of :attr:`Plan.kinds`, or of all, of which the first is visible.
     """
-    kinds = [some for name, some in planning.named_kinds(plan) if kind in ("", name)]
+    kinds = [some for name, some in plan.kinds.items() if kind in ("", name)]
     wording = Wording(what, planning.size_text, lambda e: words.place(e.where))
     return sizes_figure(plan.model, kinds, wording)
 

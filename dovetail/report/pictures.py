@@ -87,7 +87,7 @@ def _draw_errors(result: FrfResult, album: Album) -> None:
         shown = c.by_band()[order], [c.outputs[i] for i in order], bands
         album.plot(f"misfit-bands-{name}", alt, f"{caption}.", heat_maps.error_map, *shown, limits=limits)
     for k, ranked in enumerate(d.rounds):
-        if ranked:
+        if len(ranked) > 1:
             alt = f"Error that each of {len(ranked)} candidates leaves in round {k + 1}."
             album.plot(f"ranking-{k + 1}", alt, rounds.caption(d, k), rounds.figure, d, k)
 

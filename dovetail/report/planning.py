@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,12 +29,16 @@ class KindRow:
     Attributes
     ----------
     kind : str
+    quantity : str
+        The size is that of this; empty where the size says it.
     relevant : str
         The relevant size, in words.
     n : int
         Effects: places, directions and positions along members.
     seen, located, named : float
         Shares of them of which the test shows a relevant size [-].
+    first_seen : str
+        The size at which the first of them is seen; empty where that is not plausible.
     smallest, largest : str
         Sizes at which the first and the last of them is named; empty where that is not plausible.
     blind : int
@@ -41,53 +46,61 @@ class KindRow:
     """
 
     kind: str
+    quantity: str
     relevant: str
     n: int
     seen: float
     located: float
     named: float
+    first_seen: str
     smallest: str
     largest: str
     blind: int
 
 
 def size_text(effect: Effect) -> str:
-    """Return the size of an effect in words of the field, or its first parameter."""
+    """Return the size of an effect in words of the field, or its first parameter with its name."""
+    return " ".join(filter(None, _size(effect)))
+
+
+def _size(effect: Effect) -> tuple[str, str]:
+    """Return the name of an effect's first parameter and its value; words of the field have no name."""
     p = effect.parameters()[0]
     if p.in_words is not None:
-        return p.in_words(p.value)
+        return "", p.in_words(p.value)
     shown = words.as_stiffness(EffectParameter(p.name, float(p.value), p.unit, np.nan))
-    return f"{shown.name.replace('_', ' ')} {words.with_unit(shown.value, shown.unit)}"
-
-
-def named_kinds(plan: Plan) -> list[tuple[str, list[Outlook]]]:
-    """Return the names of kinds with their relevant effects."""
-    out = []
-    for (kind, unit), some in plan.kinds.items():
-        about = ", rotation" if kind.endswith(("stiffness", "flexibility")) and "rad" in unit else ""
-        out.append((kind.replace("_", " ") + about, some))
-    return out
+    return shown.name.replace("_", " "), words.with_unit(shown.value, shown.unit)
 
 
 def kind_rows(plan: Plan, what: str = "named") -> list[KindRow]:
     """Return a row for each kind of effect with a relevant size, with the sizes that are ``what``."""
     out = []
-    for (name, some), of in zip(named_kinds(plan), plan.sizes_of(what), strict=True):
-        least, most = ("" if of[key] is None else size_text(of[key]) for key in ("least", "most"))
-        seen, located, named = (share(some, each) for each in ("seen", "located", "named"))
-        relevant = _range(sorted((o.relevant for o in some), key=size_of))
-        out.append(KindRow(name, relevant, len(some), seen, located, named, least, most, of["blind"]))
+    for (name, some), first, of in zip(
+        plan.kinds.items(), plan.sizes_of("seen"), plan.sizes_of(what), strict=True
+    ):
+        ends = (first["least"], of["least"], of["most"])
+        seen, smallest, largest = ("" if effect is None else _size(effect)[1] for effect in ends)
+        seen_share, located, named = (share(some, each) for each in SHARES)
+        by_size = sorted((o.relevant for o in some), key=size_of)
+        relevant = " … ".join(dict.fromkeys(_size(effect)[1] for effect in (by_size[0], by_size[-1])))
+        quantity = _size(by_size[0])[0]
+        shares, sizes = (seen_share, located, named), (seen, smallest, largest, of["blind"])
+        out.append(KindRow(name, quantity, relevant, len(some), *shares, *sizes))
     return out
 
 
 def table_of_excluded(plan: Plan) -> Table:
     """Return for each kind from what size an effect would have been seen, and where it would not."""
     rows = kind_rows(plan, "seen")
+    best, worst = (
+        [f"{r.quantity} {size}".strip() if size else "–" for r, size in zip(rows, sizes, strict=True)]
+        for sizes in ([r.smallest for r in rows], [r.largest for r in rows])
+    )
     return Table.of(
         "excluded",
         Column("effect", [r.kind for r in rows]),
-        Column("seen from, at the best place", [r.smallest or "–" for r in rows]),
-        Column("at the worst", [r.largest or "–" for r in rows]),
+        Column("seen from, at the best place", best),
+        Column("at the worst", worst),
         Column("blind places", [f"{r.blind} of {r.n}" if r.blind else "none" for r in rows]),
     )
 
@@ -100,7 +113,7 @@ def tables_of_excluded(plan: Plan) -> list[tuple[str, Table]]:
 
 def _table_of_hidden(plan: Plan) -> Table | None:
     """Return for each kind which uncertain parameters hide it most; None if none do."""
-    by_kind = {name: by for name, some in named_kinds(plan) if (by := plan.hidden(some))}
+    by_kind = {name: by for name, some in plan.kinds.items() if (by := plan.hidden(some))}
     if not by_kind:
         return None
     known = [[size_text(e) for _, e in by[-1:] if e is not None] for by in by_kind.values()]
@@ -135,11 +148,6 @@ EXCLUDED = (
 HIDDEN = "Smaller ones are hidden by what is uncertain. If this were known exactly, more would be seen:"
 
 
-def _range(effects: list[Effect]) -> str:
-    first, last = size_text(effects[0]), size_text(effects[-1])
-    return first if first == last else f"{first} … {last.partition(' ')[2]}"
-
-
 def title(plan: Plan) -> str:
     """Return what the map is of."""
     m, data = plan.measurement, plan.visibility.problem.data
@@ -160,11 +168,10 @@ def table_of_kinds(rows: Sequence[KindRow]) -> Table:
     return Table.of(
         "kinds of effects",
         Column("kind", [r.kind for r in rows]),
-        Column("relevant size", [r.relevant for r in rows]),
+        Column("relevant size", [f"{r.quantity} {r.relevant}".strip() for r in rows]),
         Column("n", [r.n for r in rows]),
-        Column("seen", [r.seen for r in rows], "%", PERCENT, 100, head="seen"),
-        Column("place", [r.located for r in rows], "%", PERCENT, 100, head="place"),
-        Column("named", [r.named for r in rows], "%", PERCENT, 100, head="named"),
+        *(Column(what, [getattr(r, what) for r in rows], "%", PERCENT, 100, head=what) for what in SHARES),
+        Column("seen from", [r.first_seen or "none" for r in rows]),
         Column("named from", [r.smallest or "none" for r in rows]),
         Column("to", to),
     )
@@ -177,6 +184,22 @@ def headline(plan: Plan) -> str:
         f"Of {len(plan.relevant)} effects of a relevant size {seen:.0f} % are seen, {located:.0f} % located "
         f"and {named:.0f} % named."
     )
+
+
+def missing_first(plan: Plan, study: Path) -> list[str]:
+    """Return the advice to find what is missing first, where the model does not explain measured data."""
+    if plan.is_explained:
+        return []
+    problem = plan.visibility.problem
+    problem = problem.responses.at_first_level(problem)
+    left, data = problem.assessed(plan.visibility.base).fit_db, problem.data
+    return [
+        f"The fitted model leaves {left:.3g} dB of the measured FRFs, "
+        f"noise {data.noise_db:.2g} dB: something is missing, and hides what the test could show otherwise.",
+        f"Find it first: dovetail run {study} --out DIR, then dovetail plan DIR/found.toml. For the test "
+        f"alone: dovetail plan {study} --noise 1%",
+        "",
+    ]
 
 
 def averages_line(before: Plan, after: Plan, now: int, more: int) -> str:
@@ -208,7 +231,7 @@ def twin_text(outlook: Outlook, rival: Effect) -> str:
 def blind_lines(plan: Plan) -> list[str]:
     """Return where relevant effects are not seen: the kinds seen nowhere, and the first places of others."""
     out, nowhere = [], []
-    for kind, every in named_kinds(plan):
+    for kind, every in plan.kinds.items():
         there: dict[str, list[bool]] = {}
         for o in every:
             site = o.relevant.where
@@ -229,6 +252,7 @@ def blind_lines(plan: Plan) -> list[str]:
 
 def plan_dict(plan: Plan) -> dict[str, Any]:
     """Return a plan for JSON."""
+    relevant = {(o.relevant.name, o.visible.position): o for o in plan.relevant}
 
     def sized(e: Effect | None) -> dict[str, Any] | None:
         if e is None:
@@ -237,6 +261,7 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
 
     return {
         "measured": plan.is_measured,
+        "explained": plan.is_explained,
         "noise_db": plan.visibility.problem.data.noise_db,
         "left_db": None if plan.is_measured else plan.visibility.discrepancy * DB_PER_NEPER,
         "relevant_sizes": {k: getattr(plan.sizes, k) for k in ("connections", "members", "cracks", "masses")},
@@ -246,6 +271,8 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
             {
                 "kind": x.effect.kind,
                 "where": x.effect.where,
+                "relevant": sized(o.relevant if o else None),
+                "shown": o.shown if o else None,
                 "seen": sized(x.seen),
                 "located": sized(x.located),
                 "named": sized(x.named),
@@ -253,19 +280,24 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
                 "alike": x.alike,
             }
             for x in plan.visibility.effects
+            for o in [relevant.get((x.effect.name, x.position))]
         ],
     }
 
 
 def chosen_lines(chosen: ChosenChannels) -> list[str]:
     """Return the chosen sensors and forces as tables of a study file, and the share by their number."""
-    out = ["# chosen sensors and forces, for the study file"]
-    for table, some in (("sensors", chosen.sensors), ("excitations", chosen.excitations)):
+    out = [f"# {'added sensors' if chosen.kept else 'chosen sensors and forces'}, for the study file"]
+    for table, some in (
+        ("sensors", chosen.sensors),
+        ("excitations", () if chosen.kept else chosen.excitations),
+    ):
         for s in some:
             at, along = (", ".join(f"{x:.6g}" for x in each) for each in (s.point, s.direction))
             out += [f"[[{table}]]", f'name = "{s.name}"', f"point = [{at}]", f"direction = [{along}]"]
     shares = ", ".join(f"{k}: {100 * share:.0f} %" for k, share in enumerate(chosen.curve, 1))
-    return [*out, "", f"named by the first sensors as they were added: {shares}", ""]
+    before = f"{100 * chosen.without:.0f} % without; " if chosen.kept else ""
+    return [*out, "", f"named by the first sensors as they were added (estimate): {before}{shares}", ""]
 
 
 def chosen_dict(chosen: ChosenChannels) -> dict[str, Any]:
@@ -278,6 +310,7 @@ def chosen_dict(chosen: ChosenChannels) -> dict[str, Any]:
         "sensors": each(chosen.sensors),
         "excitations": each(chosen.excitations),
         "named_by_number": chosen.curve,
+        **({"named_without": chosen.without} if chosen.kept else {}),
     }
 
 

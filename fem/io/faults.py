@@ -2,11 +2,11 @@
 
 import errno
 import os
-from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
 from fem.mesh import MeshError
+from fem.summary import did_you_mean
 
 E = TypeVar("E", bound=ValueError)
 
@@ -52,5 +52,4 @@ def _searched(path: Path) -> str:
     if not folder.is_dir():
         return f"'{folder}', which is no folder"
     files = [p.name for p in folder.iterdir() if p.suffix == path.suffix or p.stem == path.stem]
-    close = get_close_matches(path.name, files, 1, 0.6)
-    return f"'{folder}'" + (f"; did you mean '{close[0]}'?" if close else "")
+    return "; ".join(filter(None, [f"'{folder}'", did_you_mean(path.name, files)]))

@@ -5,12 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from dovetail import StudyError
+from dovetail import StudyError, load_study
 from dovetail.file import element_size
 from dovetail.report.sections.about import _mesh
 from fem import FRF, Frame, Joint, Mesh, assemble, compute_frf, solve_modes
 from fem.io import write_mesh, write_npz, write_uff
-from tests.studies import study_from
+from tests.frames import MAST
+from tests.studies import study_file, study_from
 from updating import sensor_rows
 
 BEAM = """
@@ -360,3 +361,18 @@ def test_compact_sensors(tmp_path):
 def test_sign_and_skew_directions(tmp_path):
     text = BEAM + '[[sensors]]\nname = "s"\npoint = "B"\ndirection = [0, 3, 4]\nsign = -1\n'
     np.testing.assert_allclose(load(tmp_path, text).sensors[0].direction, [0, -0.6, -0.8])
+
+
+def test_what_holds_a_structure_without_supports_is_named_whatever_it_is(tmp_path):
+    """Not joints alone: here springs to the ground that a diagnosis has found."""
+    bare = MAST.replace('[[supports]]\npoint = "foot"\n', "")
+    springs = "".join(
+        f'[[effects]]\ncandidate = "ground_spring:{end}.{d}"\nstiffness = 1e5\n'
+        for end in ("mast.1", "mast.2")
+        for d in "xyz"
+    )
+    (note,) = (s for s in load_study(study_file(tmp_path, bare + springs)).assumptions if "supports" in s)
+    assert note.startswith("no supports are given: the structure is held by known ground_spring:mast.1.x, ")
+    assert note.endswith(" alone, and free in 1 rigid-body motion")
+    (note,) = (s for s in load_study(study_file(tmp_path, bare)).assumptions if "supports" in s)
+    assert "the structure is free" in note

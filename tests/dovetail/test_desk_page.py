@@ -530,7 +530,7 @@ def test_the_map_of_the_test_is_shown_for_a_kind_and_a_question(tmp_path, chromi
             picture.locator(".gl-container canvas").first.wait_for()
             hover = page.evaluate(f"{data}.flatMap((t) => [t.hovertext ?? []].flat())")
             row = planning.kind_rows(plan, what)[0]
-            assert any(f"{what} from {row.smallest}" in text for text in hover)
+            assert any(f"{what} from {row.quantity} {row.smallest}" in text for text in hover)
         page.get_by_role("combobox", name="Effect", exact=True).click()
         page.get_by_role("option", name="member stiffness").click()
         page.get_by_label("From what size member stiffness is seen", exact=False).wait_for()

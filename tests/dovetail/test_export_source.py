@@ -311,6 +311,80 @@ def test_deck_with_the_cards_has_the_frequencies_of_the_study(made, case, capsys
         assert np.abs(frequencies(deck) / expected - 1).max() < bound, out.read_text()
 
 
+EFFECTS = {
+    "added mass": lambda folder: effect(
+        f"point_mass:{member(folder, 'node 12', 'node 13')}", mass=1.5, position=0.2
+    ),
+    "soft support": lambda folder: effect("support_flexibility:node 17.ry", stiffness=9000.0),
+    "end release": lambda folder: effect(
+        f"end_release:{member(folder, 'node 15', 'node 18')}.1.rz", compliance=2e-4
+    ),
+    "spring to the ground": lambda folder: effect(
+        f"ground_spring:{member(folder, 'node 11', 'node 12')}.2.y", stiffness=4e5
+    ),
+}
+INCLUDED = {
+    "nastran": ("ENDDATA", "INCLUDE 'cards.bdf'\nENDDATA"),
+    "abaqus": ("*STEP", "*INCLUDE, INPUT=cards.inp\n*STEP"),
+}
+"""How a deck includes cards; Dovetail reads no /INPUT of ANSYS."""
+
+
+@pytest.mark.parametrize("made", DECKS, indirect=True)
+@pytest.mark.parametrize("case", EFFECTS)
+def test_deck_that_includes_the_effects_alone_is_the_deck_with_the_effects(made, case, capsys):
+    """What was fitted beside them, here the modulus, stays as the deck has it."""
+    program, name, text = made
+    study = Path("s/study.toml").read_text()
+    Path("s/effects.toml").write_text(study + EFFECTS[case](Path("s")))
+    Path("s/found.toml").write_text(Path("s/effects.toml").read_text().replace("E = 210e9", "E = 199e9"))
+    of = load_study("s/found.toml").model.values()
+    (modulus,) = (f"{e}.{p}" for (e, p), value in of.items() if value == 199e9)
+    fitted = {"name": modulus, "nominal": 210e9, "fitted": 199e9, "std": 1e9, "unit": "Pa"}
+    Path("s/result.json").write_text(json.dumps({"uncertain": [fitted]}))
+    cards = Path(f"cards{Path(name).suffix}")
+    capsys.readouterr()
+    assert main(["export", "s/found.toml", "--effects-only", f"--{program}", str(cards)]) == 0
+    printed, written = capsys.readouterr().out, cards.read_text()
+    assert f"as before the fit: {modulus.replace('.', ' ', 1)}" in printed
+    old, new = INCLUDED.get(program, ("/SOLU", f"{written}\n/SOLU"))
+    including = text.replace(old, new, 1)
+    for found in re.finditer(r"replaces .* of frame\.\w+, lines? (\d+)$", written, re.MULTILINE):
+        including = including.replace(text.splitlines()[int(found[1]) - 1] + "\n", "")
+    control = re.findall(r"^\$ case control: (.*)$", written, re.MULTILINE)
+    including = including.replace("BEGIN BULK", "\n".join([*control, "BEGIN BULK"]))
+    Path(name).with_stem("including").write_text(including)
+    expected = frequencies(Path("s/effects.toml"))
+    assert np.abs(frequencies(Path("s/study.toml")) / expected - 1).max() > 1e-4
+    assert np.abs(frequencies(Path(f"including{Path(name).suffix}")) / expected - 1).max() < 5e-5, written
+
+
+@pytest.mark.parametrize(("std", "divided"), [(0.002, False), (0.0005, True)])
+def test_an_effect_is_at_a_node_that_is_as_near_as_its_position_is_known(found, capsys, std, divided):
+    """Then one card is included and none replaced."""
+    text = (found / "study.toml").read_text()
+    mass = f"point_mass:{member(found, 'node 14', 'node 15')}"
+    (found / "found.toml").write_text(text + effect(mass, mass=0.7, position=0.126))
+    (found / "at_node.toml").write_text(text + effect(mass, mass=0.7, position=0.126 if divided else 0.125))
+    errors = [{"name": "mass", "std": 0.01}, {"name": "position", "std": std}]
+    (found / "result.json").write_text(json.dumps({"effects": [{"name": mass, "parameters": errors}]}))
+    capsys.readouterr()
+    words = ["--effects-only", "--nastran", "cards.bdf", "--merge", "merged.bdf"]
+    assert main(["export", "s/found.toml", *words]) == 0
+    cards = Path("cards.bdf").read_text()
+    assert ("replaces CBEAM" in cards) == ("GRID*" in cards) == divided
+    assert ("at the nearest node, 1 mm away" in capsys.readouterr().out) != divided
+    expected = frequencies(found / "at_node.toml")
+    assert np.abs(frequencies(Path("merged.bdf")) / expected - 1).max() < 5e-5
+
+
+def test_effects_alone_need_effects(found, capsys):
+    assert main(["export", "s/study.toml", "--nastran", "c.bdf", "--effects-only"]) == 2
+    assert "it has no [[effects]]; dovetail run writes them into found.toml" in capsys.readouterr().err
+    assert main(["export", "s/found.toml", "--nastran", "c.bdf", "--effects-only", "--whole"]) == 2
+    assert "give one of them" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "case", ["softer member", "softer member and fitted modulus", "fitted modulus", "thinner section"]
 )

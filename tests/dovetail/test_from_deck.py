@@ -188,7 +188,8 @@ def test_a_folder_in_place_of_a_study_names_the_study_in_it(tmp_path, capsys):
     ("support", "words"),
     [
         ("", "the structure is free. If something holds it, [[supports]] are missing (in a deck SPC"),
-        ("CBUSH,9,9,1,,,,,0\nPBUSH,9,K,1.+3,1.+3,1.+3,1.+6,1.+6,1.+6\n", "CBUSH 9 alone hold"),
+        ("CBUSH,9,9,1,,,,,0\nPBUSH,9,K,1.+3,1.+3,1.+3,1.+6,1.+6,1.+6\n", "held by CBUSH 9 alone\n"),
+        ("CBUSH,9,9,1,,,,,0\nPBUSH,9,K,1.+3\n", "CBUSH 9 alone, and free in 5 rigid-body motions"),
         ("SPC1,1,123456,1\n", ""),
     ],
 )

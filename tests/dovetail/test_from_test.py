@@ -34,6 +34,7 @@ def test_a_test_in_the_axes_of_the_mesh(tmp_path, portal, capsys):
     assert new(tmp_path, *portal) == 0
     assert "7 sensors and 2 excitations: not turned" in capsys.readouterr().out
     study = load_study(tmp_path / "s" / "study.toml")
+    assert study.name == "frame"  # of the structure, not of the file of its test
     own = load_study(portal[0].parent / "study.toml")
     assert [s.name for s in study.sensors] == list(own.measurements[0].frf.outputs)
     np.testing.assert_array_equal(study.measurements[0].frf.H, own.measurements[0].frf.H)

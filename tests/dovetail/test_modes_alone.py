@@ -427,7 +427,7 @@ def told(verdict, reported, *explanations):
     steps = dict.fromkeys(("nominal", "fitted", "found"), column)
     unknown = dict.fromkeys(steps, blank)
     table = ModeTable(
-        column, 0.01 * column, steps, unknown, blank, blank, np.zeros(2, dtype=bool), blank, blank
+        column, 0.01 * column, steps, unknown, blank, unknown, np.zeros(2, dtype=bool), blank, blank
     )
     one = np.ones(2)
     levels = ModeLevels(np.zeros(2, dtype=np.int64), one, one, 1e-4 * one, 1e-4 * np.ones((2, 1)), one)

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import viz.plan
 from dovetail import StudyError, load_study, main, pipeline
 from dovetail.plan import check_plan, plan_study
 from dovetail.report import Album, Figures, Shown, join, packed, planning, sizes
@@ -21,7 +23,7 @@ from tests.dovetail.test_report_live import CHROMIUM, drawn, opened
 from tests.frames import MAST, STUDY, write_study
 from tests.studies import study_file
 from updating.plan import ChosenChannels
-from viz import render_plan
+from viz import render_plan, style
 from viz.interactive.plan import BLIND
 
 
@@ -132,7 +134,7 @@ def test_a_notebook_shows_shares_rows_and_pairs(file):
 # The command ----------------------------------------------------------------------------------------------
 
 KEYS = """
-    study measured noise_db left_db relevant_sizes coverage kinds effects warnings mesh_notes
+    study measured explained noise_db left_db relevant_sizes coverage kinds effects warnings mesh_notes
     measured_notes assumptions
 """
 
@@ -149,9 +151,15 @@ def test_the_command_prints_rows_of_kinds_and_writes_all_effects(file, tmp_path,
         assert f"{100 * share:.0f} % {word}" in printed
     for row in data["kinds"]:
         assert re.search(rf"^{row['kind']}  .*{re.escape(row['relevant'])}  +{row['n']} ", printed, re.M)
+        kind = row["kind"].replace(" ", "_")
+        shown = Counter(e["shown"] for e in data["effects"] if e["kind"] == kind)
+        assert row["named"] == pytest.approx(shown["named"] / row["n"])
+        assert row["seen"] == pytest.approx(1 - shown["not seen"] / row["n"])
     assert sum(row["n"] for row in data["kinds"]) == len(data["effects"]) == 28
     for effect in data["effects"]:
-        assert {"kind", "where", "seen", "located", "named", "rival", "alike"} == set(effect)
+        assert set(effect) == set(
+            ["kind", "where", "relevant", "shown", "seen", "located", "named", "rival", "alike"]
+        )
         if effect["kind"] == "point_mass" and effect["seen"] and effect["named"]:
             assert effect["seen"]["mass"]["unit"] == "kg"
             assert effect["seen"]["mass"]["value"] <= effect["named"]["mass"]["value"]
@@ -291,6 +299,53 @@ def test_a_check_finds_what_the_map_says(planned, tmp_path):
 # Pictures -------------------------------------------------------------------------------------------------
 
 
+def test_a_picture_marks_each_effect_of_a_row_by_what_the_test_says_of_it(planned, tmp_path, monkeypatch):
+    """Not by the worst of its place: one of two effects of the arm is named, the other is not seen."""
+    scenes = []
+
+    class Kept(viz.plan.Scene):
+        def save(self, path):
+            scenes.append(self)
+            Image.new("RGB", (4, 4)).save(path)
+            return Path(path)
+
+    monkeypatch.setattr(viz.plan, "Scene", Kept)
+    some = planned.kinds["member stiffness"]
+    looks = [{"named": k == 0, "located": k == 0, "seen": k == 0} for k in (0, 1)]
+    two = [replace(some[0], **look) for look in looks]
+    render_plan(replace(planned, relevant=(*planned.kinds["point mass"], *two)), tmp_path / "plan.png")
+    masses, members = scenes
+    assert len(masses.marks) == 26
+    assert [m.colour for m in members.marks] == [style.BLUE, style.VERMILION]
+    labels = ["named: 1 of 2", "located: 0 of 2", "seen: 0 of 2", "not seen: 1 of 2"]
+    assert [line.get_label() for line in members.legend] == labels
+
+
+def test_a_plan_of_data_that_the_model_does_not_explain_says_to_find_the_cause_first(tmp_path, capsys):
+    assert main(["plan", str(write_study(tmp_path, mass=0.3))]) == 0
+    printed = capsys.readouterr().out
+    assert re.search(r"leaves \d\S* dB of the measured FRFs, noise .* dB: something is missing", printed)
+    assert printed.index("Find it first: dovetail run") < printed.index("effects of a relevant size")
+
+
+def test_a_plan_of_data_that_the_model_explains_asks_for_nothing_else(file, capsys):
+    assert main(["plan", str(file)]) == 0
+    assert "Find it first" not in capsys.readouterr().out
+
+
+def test_a_sensor_is_added_to_those_of_the_study(tmp_path, capsys):
+    study, out = written(tmp_path), tmp_path / "plan.json"
+    assert main(["plan", str(study), "--noise", "0.003", "--add", "1", "--json", str(out)]) == 0
+    printed = capsys.readouterr().out
+    data = json.loads(out.read_text(encoding="utf-8"))["chosen"]
+    assert len(data["sensors"]) == len(data["named_by_number"]) == 1
+    assert data["named_by_number"][0] >= data["named_without"]
+    assert ": 5 sensors, " in printed
+    assert f"as they were added (estimate): {100 * data['named_without']:.0f} % without; 1: " in printed
+    assert main(["plan", str(study), "--choose", "2", "--add", "1"]) == 2
+    assert "give one of them" in capsys.readouterr().err
+
+
 @pytest.mark.usefixtures("offscreen")
 def test_a_picture_has_a_panel_for_each_group(file, tmp_path):
     picture = tmp_path / "plan.png"
@@ -320,11 +375,11 @@ def test_a_map_without_relevant_sizes_is_not_drawn(planned, tmp_path):
 
 def test_sizes_at_which_nothing_is_named_have_words(planned):
     row = planning.kind_rows(planned)[0]
-    sizes = (("", row.n), ("mass 1 kg", 3))
+    sizes = (("", row.n), ("1 kg", 3))
     rows = [replace(row, smallest=smallest, largest="", blind=blind) for smallest, blind in sizes]
     nowhere, partly = planning.table_of_kinds(rows).texts()[1]
     assert nowhere[-2:] == ("none", "")
-    assert partly[-2:] == ("mass 1 kg", "not at 3")
+    assert partly[-2:] == ("1 kg", "not at 3")
 
 
 def test_places_where_nothing_is_seen_are_listed_once(planned):
@@ -450,7 +505,7 @@ def trace_of(figure, k, symbol):
 def test_a_figure_has_the_least_size_of_each_place(planned, what):
     figure, rows = sizes(planned, what), planning.kind_rows(planned, what)
     masses = next(k for k, row in enumerate(rows) if row.kind == "point mass")
-    some = dict(planning.named_kinds(planned))["point mass"]
+    some = planned.kinds["point mass"]
     least = {tuple(o.relevant.locations(planned.model)[0].round(6)): o.least(what) for o in some}
     marks, rings = trace_of(figure, masses, "circle"), trace_of(figure, masses, "circle-open")
     found = np.exp(marks.marker.color)
@@ -467,7 +522,7 @@ def test_a_figure_has_the_least_size_of_each_place(planned, what):
 
 
 def test_members_have_the_colour_of_their_size_or_of_none(planned):
-    k = [name for name, _ in planning.named_kinds(planned)].index("member stiffness")
+    k = list(planned.kinds).index("member stiffness")
     blind = [replace(o, visible=replace(o.visible, enough=(np.inf,) * 3)) for o in planned.relevant]
     for plan, nowhere in ((planned, False), (replace(planned, relevant=tuple(blind)), True)):
         figure = sizes(plan, "seen")

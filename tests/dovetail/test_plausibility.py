@@ -281,7 +281,7 @@ stop = 1000
 """
 
 CHANGES = [
-    ("E = 210e9", "E = 210e3", "line 13, materials.steel.E: material 'steel': E = 210e3 Pa is implausible"),
+    ("E = 210e9", "E = 210e12", "line 13, materials.steel.E: material 'steel': E = 210e12 Pa is implausible"),
     ("rho = 7850", "rho = 7.85", "line 14, materials.steel.rho"),
     ("b = 0.02\nh = 0.03", "b = 20\nh = 30", "line 8, sections.s: section rectangle 20 x 30 m"),
     ("mass = 0.1", "mass = 4e5", "line 20, masses[1].mass: 'block' has 4e+05 kg"),
@@ -348,6 +348,40 @@ def test_elements_are_limited_in_all_and_the_message_names_what_asks(old, new, w
     assert len(text.splitlines()) == 1
     for each in (*words, "member 'post' asks for the most"):
         assert each in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "E = 210e9",
+            "E = 210e6",
+            "line 13, materials.steel.E: material 'steel': E = 210e6 Pa is implausible",
+        ),
+        ("E = 210e9", "E = 210e3", "E looks like MPa (N/mm²): 210e9 Pa; member 'post' would have"),
+        ("rho = 7850", "rho = 7.85e6", "line 14, materials.steel.rho: material 'steel': rho = 7.85e6 kg/m³"),
+    ],
+)
+def test_a_mesh_that_only_an_implausible_material_makes_fine_is_refused(old, new, words, tmp_path, capsys):
+    """With 5 km/s, k = (ρA ω²/EI)^¼ = 14.75 rad/m across the thin side: 14.1 twelfths of a wave in 0.5 m."""
+    file = tmp_path / "s.toml"
+    file.write_text(STUDY.replace(old, new))
+    assert main(["modes", str(file)]) == 2
+    text = capsys.readouterr().err
+    assert len(text.splitlines()) == 1
+    assert words in text
+    assert "for waves at 1000 Hz, and 15 with the usual speed of sound" in text
+    for meant in ('to = "B"\nelements = 8', 'to = "B"\nelement_size = 0.1'):
+        file.write_text(STUDY.replace(old, new).replace('to = "B"', meant))
+        assert load_study(file).implausible
+    file.write_text("[mesh]\nmax_elements = 5000\n" + STUDY.replace(old, new))
+    assert load_study(file).implausible
+
+
+def test_a_slow_material_that_needs_no_finer_mesh_is_no_reason_to_refuse(tmp_path):
+    file = tmp_path / "s.toml"
+    file.write_text(STUDY.replace("E = 210e9", "E = 210e6").replace("stop = 1000", "stop = 1"))
+    assert load_study(file).implausible
 
 
 def test_more_elements_can_be_allowed(tmp_path):

@@ -698,3 +698,14 @@ def test_modes_that_the_diagnosis_identified_are_not_identified_again(found, mon
     nominal, _, reported = modes_of(known)
     rows = modes_in_frfs(found.study, known, nominal, reported).rows()
     assert rows == found.identified.rows()
+
+
+def test_one_candidate_alone_is_not_drawn_as_a_ranking(found, album):
+    """It has a sentence with what it is compared with, and its row."""
+    d = found.diagnosis
+    alone = replace(d, rounds=((d.rounds[0][0],),), findings=d.findings[:1])
+    assert rounds.figure(d, 0) is not None
+    assert rounds.figure(alone, 0) is None
+    page = report_html(replace(found, diagnosis=alone), album)
+    assert f"One candidate was fitted fully; without it {d.steps[1].fit_db:.2f} dB are left." in page
+    assert "ranking-1" not in page.split("How the candidates did")[-1]

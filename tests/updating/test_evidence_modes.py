@@ -1,5 +1,7 @@
 """Measured modes as data of the search by evidence: residuals, matching, likelihood, verdicts."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -160,6 +162,22 @@ def test_the_reason_quotes_the_error_that_decides():
     found = diagnose_modes(model, targets, (E,), kinds=["point_mass"], model_error=0.0)
     assert found.verdict == EFFECT
     assert " lowers the error of the mode shapes, √(1 − MAC), from " in found.reason
+
+
+def test_without_effects_the_reason_quotes_what_is_left_of_every_quantity_measured():
+    model = cantilever()
+    exact = measured(model, 4)
+    known = {"shapes": exact.shapes, "shape_std": 0.02, "sensors": SENSORS}
+    targets = ModeTargets.of(exact.frequency, 0.002, zeta=np.full(4, 0.01), zeta_std=0.3, **known)
+    found = diagnose_modes(model, targets, (E,), kinds=["point_mass"], model_error=0.0)
+    assert found.verdict == NOTHING
+    left = (
+        r"error of the natural frequencies is \S+ % \(\S+ % of the damping ratios, \S+ % of the mode shapes, "
+    )
+    assert re.search(left, found.reason)
+    alone = diagnose_modes(model, ModeTargets.of(exact.frequency, 0.002), (E,), kinds=["point_mass"])
+    assert "damping" not in alone.reason
+    assert "shapes" not in alone.reason.split(";")[0]
 
 
 def test_nothing_is_found_in_frequencies_with_nothing_hidden():

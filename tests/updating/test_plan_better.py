@@ -41,6 +41,17 @@ def test_more_sensors_name_no_fewer_effects_as_they_are_added():
     assert found.share >= found.curve[-1] - 1e-9
 
 
+def test_sensors_of_the_test_stay_beside_those_that_are_added():
+    """One beside the middle is worth more beside one in the middle than a second one there."""
+    kept, possible = channels("k", (0.0,)), channels("s", (0.0, 0.3))
+    found = chosen(possible, channels("f", (0.0,)), 1, kept=kept)
+    assert [s.name for s in found.kept] == ["k0"]
+    assert [s.name for s in found.sensors] == ["s1"]
+    both = chosen((*kept, possible[1]), channels("f", (0.0,)), 2)
+    assert found.curve.shape == (1,)
+    assert found.without < found.share == pytest.approx(both.share)
+
+
 def test_no_more_can_be_chosen_than_there_are():
     with pytest.raises(ValueError, match="3 sensors are to be chosen from 2"):
         chosen(channels("s", (0.0, 0.3)), channels("f", (0.0,)), 3)

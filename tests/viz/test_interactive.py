@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fem import FRF, FRFError, Modes, assemble, solve_modes
+from fem.lengths import metres_afterwards, show_lengths
 from tests.frames import beam, cross_beam, fix
 from updating import Sensor
 from viz import curves, displacement_at, heat_maps, model_surface, search, style
@@ -419,3 +420,16 @@ def test_a_long_hypothesis_is_broken_and_not_cut():
     name = "joint stiffness: joint J, about x and joint viscous damping: joint J"
     (shown,) = live.draw(search.probability([(name, 1.0)])).layout.yaxis.ticktext
     assert shown.replace("<br>", " ") == name
+
+
+@pytest.mark.parametrize(("unit", "name", "most"), [(1.0, "m", "0.8"), (0.001, "mm", "800")])
+def test_axes_have_the_unit_of_length_that_texts_have(unit, name, most):
+    with metres_afterwards():
+        show_lengths(unit)
+        scene = solids.scene(np.array([[0.0, 0.0, 0.0], [0.8, 0.02, 0.4]]))
+    axis = scene["xaxis"]
+    assert axis["title"]["text"] == f"x [{name}]"
+    assert axis["ticktext"][-1] == most
+    assert axis["tickvals"][-1] == pytest.approx(0.8)
+    assert 3 <= len(axis["tickvals"]) <= 6
+    assert len(scene["yaxis"]["tickvals"]) == 1  # texts of more would overlap

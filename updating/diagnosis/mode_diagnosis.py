@@ -44,6 +44,7 @@ from updating.inference.mode_fit import (
     FREQUENCY,
     LARGEST_DISCREPANCY,
     LEAST_DISCREPANCY,
+    SHAPE,
     ComputedModes,
     ModeProblem,
     n_below,
@@ -52,6 +53,11 @@ from updating.inference.mode_targets import ModeTargets
 from updating.inference.preparation import fitted_model
 from updating.least_squares.mode_levels import MEAN_SQUARE, ModeLevels
 
+QUANTITIES = {
+    FREQUENCY: "natural frequencies",
+    DAMPING: "damping ratios",
+    SHAPE: "mode shapes, √(1 − MAC)",
+}
 MOST_NAMED = 3
 """Modes that are named as missed."""
 
@@ -332,9 +338,23 @@ def _table(
 
 def _reason(d: ModeDiagnosis) -> str:
     """Return why the verdict is what it is."""
-    quantity, *errors = _deciding_errors(d)
-    before, after = (f"{100 * error:.2g}" for error in errors)
-    text = reason_of(d, d.searched, f"error of the {quantity}", "%", before, after, _lead_error(d))
+    kind = _deciding(d)
+    before, after = (f"{100 * d.modes.error_of(kind, step):.2g}" for step in (1, -1))
+    others = [
+        f"{100 * error:.2g} % of the {QUANTITIES[other]}"
+        for other in QUANTITIES
+        if other != kind and np.isfinite(error := d.modes.error_of(other, -1))
+    ]
+    text = reason_of(
+        d,
+        d.searched,
+        f"error of the {QUANTITIES[kind]}{',' if kind == SHAPE else ''}",
+        "%",
+        before,
+        after,
+        _lead_error(d),
+        f" ({', '.join(others)})" * bool(others),
+    )
     n, shared = len(d.credible), f"{len(d.credible)} explanations share {CREDIBLE:.0%}".replace("%", " %")
     if d.verdict == EFFECT and not d.sure:
         none = ", none is sure" if d.explanations[0].probability < HALF else ""
@@ -345,37 +365,19 @@ def _reason(d: ModeDiagnosis) -> str:
     return "; ".join([text, *(b.text for b in d.bad_readings)])
 
 
-def _deciding_errors(d: ModeDiagnosis) -> tuple[str, float, float]:
-    """Return the quantity by which effects raise the likelihood most, and its errors without and with them.
-
-    Root mean squares of ln ratios of frequencies or damping ratios, or of √(1 - MAC) of shapes [-]. Without
-    effects those of the frequencies.
-    """
+def _deciding(d: ModeDiagnosis) -> int:
+    """Return the kind of reading by which effects raise the likelihood most; frequencies without effects."""
     before, after = d.searched.search.known[frozenset()].fitted, d.final.fitted
-    levels, kind = after.levels, FREQUENCY
-    if d.found:
-        assert isinstance(levels, ModeLevels)
-        # The likelihood is a product over the kinds, of which the rest stays as it was without effects.
-        costs = {
-            k: levels.cost(np.where(levels.kind == k, after.misfit, before.misfit))
-            for k in np.unique(levels.kind)
-        }
-        kind = min(costs, key=lambda k: costs[k])
-    if kind == FREQUENCY:
-        return (
-            "natural frequencies",
-            d.modes.errors(d.modes.fitted, False),
-            d.modes.errors(d.modes.found, False),
-        )
-    t = d.problem.targets
-
-    def error(fitted: FitResult) -> float:
-        c = d.problem.computed(fitted)
-        off = np.log(c.zeta / t.zeta) if kind == DAMPING else np.sqrt(np.maximum(1 - c.mac, 0.0))
-        return float(np.sqrt(np.nanmean(off[t.fitted][d.modes.belongs[t.fitted]] ** 2)))
-
-    quantity = "damping ratios" if kind == DAMPING else "mode shapes, √(1 − MAC),"
-    return quantity, error(before), error(after)
+    levels = after.levels
+    if not d.found:
+        return FREQUENCY
+    assert isinstance(levels, ModeLevels)
+    # The likelihood is a product over the kinds, of which the rest stays as it was without effects.
+    costs = {
+        k: levels.cost(np.where(levels.kind == k, after.misfit, before.misfit))
+        for k in np.unique(levels.kind)
+    }
+    return min(costs, key=lambda k: costs[k])
 
 
 def _unexplained(d: ModeDiagnosis) -> tuple[str, ...]:

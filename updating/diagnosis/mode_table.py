@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.inference.mode_fit import ComputedModes
+from updating.inference.mode_fit import DAMPING, FREQUENCY, ComputedModes
 from updating.inference.mode_targets import ModeTargets
 
 HALF = 0.5
@@ -25,11 +25,11 @@ class ModeTable:
     ----------
     measured, std : ndarray
         Frequencies [Hz] and their relative standard deviations [-].
-    computed, mac : mapping of str to ndarray
-        Frequencies [Hz] and modal assurance criteria of the model of each step: nominal, fitted, and with
-        each effect that was found.
-    zeta, zeta_found : ndarray
-        Damping ratios, measured and of the last model [-].
+    computed, mac, zeta_computed : mapping of str to ndarray
+        Frequencies [Hz], modal assurance criteria and damping ratios of the model of each step: nominal,
+        fitted, and with each effect that was found.
+    zeta : ndarray
+        Measured damping ratios [-].
     held_out : ndarray of bool
         Modes that no fit has seen: they are predicted.
     found_std : ndarray
@@ -43,7 +43,7 @@ class ModeTable:
     computed: Mapping[str, Floats]
     mac: Mapping[str, Floats]
     zeta: Floats
-    zeta_found: Floats
+    zeta_computed: Mapping[str, Floats]
     held_out: NDArray[np.bool_]
     found_std: Floats
     bad: Floats
@@ -57,7 +57,7 @@ class ModeTable:
             {label: c.frequency for label, c in steps.items()},
             {label: c.mac for label, c in steps.items()},
             t.zeta,
-            list(steps.values())[-1].zeta,
+            {label: c.zeta for label, c in steps.items()},
             t.held_out,
             *np.full((2, t.n), np.nan),
         )
@@ -93,6 +93,11 @@ class ModeTable:
         return list(self.mac.values())[-1]
 
     @property
+    def zeta_found(self) -> Floats:
+        """Damping ratios of the model that is reported [-]."""
+        return list(self.zeta_computed.values())[-1]
+
+    @property
     def belongs(self) -> NDArray[np.bool_]:
         """Whether each mode is more probably the model's than not."""
         return ~(self.bad >= HALF)
@@ -100,6 +105,19 @@ class ModeTable:
     def predicted_text(self, k: int) -> str:
         """Return a predicted frequency with its standard deviation."""
         return f"{self.found[k]:.5g} ± {self.found[k] * self.found_std[k]:.2g} Hz"
+
+    def error_of(self, kind: int, step: int) -> float:
+        """Return the root mean square error of a kind of reading in a step, of modes that were fitted [-].
+
+        Of ln ratios, of shapes √(1 - MAC); without modes that do not belong, NaN where nothing is measured.
+        """
+        computed, mac, zeta = (list(x.values())[step] for x in (self.computed, self.mac, self.zeta_computed))
+        if kind == FREQUENCY:
+            return self.errors(computed, False)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            off = np.log(zeta / self.zeta) if kind == DAMPING else np.sqrt(np.maximum(1 - mac, 0.0))
+        off = off[~self.held_out & self.belongs & np.isfinite(off)]
+        return float(np.sqrt(np.mean(off**2))) if off.size else np.nan
 
     def errors(self, computed: Floats, held_out: bool) -> float:
         """Return the root mean square of ln f ratios of modes that were fitted, or held out [-].

@@ -165,7 +165,7 @@ def next_measurements(
             point, place = places[k // 3]
             axis = np.eye(3)[k % 3]
             xyz = model.mesh.points[point]
-            if not np.isfinite(evidence[k]) or _is_there(present, xyz, axis, model.mesh.size):
+            if not np.isfinite(evidence[k]) or has_sensor(present, xyz, axis, model.mesh.size):
                 continue
             where = f"{place}, along {'xyz'[k % 3]}"
             at, along = tuple(map(float, xyz)), tuple(map(float, axis))
@@ -202,7 +202,8 @@ def places_along(model: Model) -> list[tuple[int, str]]:
     return out
 
 
-def _is_there(sensors: Sequence[Sensor], xyz: Floats, axis: Floats, size: float) -> bool:
+def has_sensor(sensors: Sequence[Sensor], xyz: Floats, axis: Floats, size: float) -> bool:
+    """Return whether one of some sensors is at a place along an axis, in a structure of a size [m]."""
     return any(
         np.linalg.norm(s.point - xyz) < 0.02 * size and abs(float(s.direction @ axis)) > 0.9
         for s in directed_of(sensors)

@@ -281,7 +281,7 @@ def verdict_of(done: Searched, faults: Sequence[Fault] = ()) -> str:
 
 
 def reason_of(
-    d: Verdict, done: Searched, quantity: str, unit: str, before: str, after: str, lead: str
+    d: Verdict, done: Searched, quantity: str, unit: str, before: str, after: str, lead: str, others: str = ""
 ) -> str:
     """Return why a verdict is what it is.
 
@@ -294,6 +294,8 @@ def reason_of(
         The error that effects lower, in words.
     before, after, lead : str
         Its values without effects, with those of the verdict, and with the best that explain too little.
+    others : str
+        What the verdict leaves of other quantities, in words; for one without effects.
     """
     if d.verdict == UNFINISHED:
         first = done.search.scanned[:1] if not d.found else ()
@@ -303,7 +305,7 @@ def reason_of(
     if d.verdict == UNEXPLAINED:
         best = done.lead.effects
         so_far = f"; best so far, not explained: {labels(best)}, {lead} {unit}" if best else ""
-        return f"the {quantity} stays at {before} {unit}, more than a right model leaves{so_far}"
+        return f"the {quantity} stays at {before} {unit}{others}, more than a right model leaves{so_far}"
     if d.verdict == EFFECT:
         lower = "lower" if len(d.found) > 1 else "lowers"
         return f"{labels(d.found)} {lower} the {quantity} from {before} to {after} {unit}"
@@ -313,4 +315,4 @@ def reason_of(
             f"with {n} of the measurement corrected, nothing improves the model further; {quantity} "
             f"{after} {unit}"
         )
-    return f"no candidate improves the fitted model, whose {quantity} is {after} {unit}"
+    return f"no candidate improves the fitted model, whose {quantity} is {after} {unit}{others}"

@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from fem.lengths import show_lengths, shown_length
+from fem.lengths import show_lengths, shown_unit
 from fem.linalg.solvers import one_thread
 from updating.inference.heartbeat import INTERVAL, beat
 
@@ -110,7 +110,7 @@ def process_pool(n: int) -> Iterator[ProcessPoolExecutor]:
     """
     context = get_context("spawn")
     watched, write_end = context.Pipe(duplex=False)
-    with watched, write_end, ProcessPoolExecutor(n, context, _begin, (watched, shown_length(1.0)[0])) as pool:
+    with watched, write_end, ProcessPoolExecutor(n, context, _begin, (watched, shown_unit())) as pool:
         try:
             yield pool
         except BaseException:  # leaving the pool waits for its processes, so they must end first
@@ -118,12 +118,12 @@ def process_pool(n: int) -> Iterator[ProcessPoolExecutor]:
             raise
 
 
-def _begin(watched: Connection, per_metre: float) -> None:
+def _begin(watched: Connection, unit: float) -> None:
     """Let this process end when the other end of a pipe is closed, and not by Ctrl-C.
 
-    Its texts give lengths in the unit of which a metre has so many.
+    Its texts give lengths in a unit of so many metres.
     """
-    show_lengths(1 / per_metre)
+    show_lengths(unit)
 
     def watch() -> None:
         with suppress(EOFError, OSError):

@@ -53,12 +53,18 @@ class ChosenChannels:
         one by one [-].
     share : float
         That of all after their exchange [-].
+    kept : tuple of Sensor
+        Sensors of the test beside these.
+    without : float
+        Share that those alone name [-].
     """
 
     sensors: tuple[Sensor, ...]
     excitations: tuple[Sensor, ...]
     curve: Floats
     share: float
+    kept: tuple[Sensor, ...] = ()
+    without: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,6 +128,7 @@ def choose(
     n_excitations: int | None = None,
     nuisances: Sequence[Nuisance] = (),
     *,
+    kept: Sequence[Sensor] = (),
     kinds: Sequence[str] | None = None,
     exclude: Sequence[str] = (),
     sizes: Relevant,
@@ -148,6 +155,8 @@ def choose(
     n_sensors : int
     n_excitations : int, optional
         All unless given.
+    kept : sequence of Sensor
+        Sensors that the test has beside those that are chosen.
     nuisances, kinds, exclude, model_error, settings
         As of :func:`updating.plan.plan.plan_test`.
     sizes : Relevant
@@ -173,6 +182,8 @@ def choose(
     light = replace(errors, sensor_mass=0.0)  # no test has sensors everywhere
     if n_excitations is not None:
         light = replace(light, driver_mass=0.0, stinger=0.0)
+    fixed = range(len(kept))
+    sensors = (*kept, *sensors)
     test = planned_measurement(model, sensors, excitations, frequency, noise, errors=light)
     settings |= {"kinds": kinds, "exclude": exclude, "model_error": model_error}
     fit_problem, _, candidates = prepare_search(model, test, nuisances, **settings)
@@ -196,16 +207,18 @@ def choose(
     least = np.where(same, 0.0, needed(against[:n, None] - against))
     least[np.arange(n), np.arange(n)] = needed(against[:n])
     say("what each channel says", 0.5)
-    channels = _Channels.of(look, changes, len(sensors) / n_sensors)
+    channels = _Channels.of(look, changes, len(sensors) / (len(kept) + n_sensors))
     pushed = _best_forces(channels, least, n_excitations or len(excitations))
     worth = _Worth(channels.of_sensors(pushed, n), channels.data, channels.known, least)
-    taken, curve = _added(worth, n_sensors, lambda part: say("adding sensors", 0.6 + 0.2 * part))
-    taken = _exchanged(worth, taken, lambda part: say("exchanging sensors", 0.8 + 0.2 * part))
+    taken, curve = _added(worth, fixed, n_sensors, lambda part: say("adding sensors", 0.6 + 0.2 * part))
+    taken = _exchanged(worth, taken, len(kept), lambda part: say("exchanging sensors", 0.8 + 0.2 * part))
     return ChosenChannels(
-        tuple(sensors[k] for k in sorted(taken)),
+        tuple(sensors[k] for k in sorted(taken[len(kept) :])),
         tuple(excitations[k] for k in pushed),
         curve,
         worth.share(worth.of(taken)),
+        tuple(kept),
+        worth.share(worth.of(fixed)) if kept else 0.0,
     )
 
 
@@ -338,9 +351,11 @@ def _best_forces(channels: _Channels, least: Floats, n: int) -> tuple[int, ...]:
     )
 
 
-def _added(worth: _Worth, n: int, say: Callable[[float], None]) -> tuple[list[int], Floats]:
-    """Return channels added one by one by what they gain, and the shares of effects distinguished."""
-    taken: list[int] = []
+def _added(
+    worth: _Worth, fixed: Iterable[int], n: int, say: Callable[[float], None]
+) -> tuple[list[int], Floats]:
+    """Return channels added to some one by one by what they gain, and the shares of effects distinguished."""
+    taken = list(fixed)
     curve = np.zeros(n)
     for step in range(n):
         say(step / n)
@@ -349,13 +364,13 @@ def _added(worth: _Worth, n: int, say: Callable[[float], None]) -> tuple[list[in
     return taken, curve
 
 
-def _exchanged(worth: _Worth, taken: list[int], say: Callable[[float], None]) -> list[int]:
-    """Return channels exchanged one by one as long as that gains."""
+def _exchanged(worth: _Worth, taken: list[int], n_fixed: int, say: Callable[[float], None]) -> list[int]:
+    """Return channels of which all but the first are exchanged one by one as long as that gains."""
     taken = list(taken)
     now = worth.value(worth.of(taken))
     for turn in range(MOST_PASSES):
         before = now
-        for k in range(len(taken)):
+        for k in range(n_fixed, len(taken)):
             say((turn + k / len(taken)) / MOST_PASSES)
             value, other = _best(worth, taken[:k] + taken[k + 1 :], but=taken[k])
             if value > now:

@@ -19,6 +19,8 @@ from updating.measurement.measurement import Measurement
 from updating.plan.planned import as_planned, usual_discrepancy, with_likely_shifts
 from updating.plan.visibility import Visibility, Visible, size_of, sized, visibility
 
+SHOWN = ("named", "located", "seen", "not seen")
+"""What a test says of an effect, the most first."""
 USUAL = Relevant()
 """Sizes that are relevant unless it is said otherwise."""
 
@@ -40,6 +42,11 @@ class Outlook:
     seen: bool
     located: bool
     named: bool
+
+    @property
+    def shown(self) -> str:
+        """The most that the test says of the relevant size: a word of ``SHOWN``."""
+        return next((what for what in SHOWN[:-1] if getattr(self, what)), SHOWN[-1])
 
     def least(self, what: str = "named") -> Effect | None:
         """Return the effect at its least size that is ``seen``, ``located`` or ``named``.
@@ -63,6 +70,8 @@ class Plan:
     sizes : Relevant
     relevant : tuple of Outlook
         Effects at one place, of kinds for which a relevant size is stated.
+    is_explained : bool
+        Whether the model explains measured data. Where it does not, what it leaves of them hides effects.
     """
 
     visibility: Visibility
@@ -70,6 +79,7 @@ class Plan:
     measurement: Measurement | None
     sizes: Relevant
     relevant: tuple[Outlook, ...]
+    is_explained: bool = True
 
     @property
     def is_measured(self) -> bool:
@@ -81,11 +91,16 @@ class Plan:
         return share(self.relevant, what)
 
     @property
-    def kinds(self) -> dict[tuple[str, str], list[Outlook]]:
-        """Relevant effects by kind and unit, in the order of the candidates."""
-        out: dict[tuple[str, str], list[Outlook]] = {}
+    def kinds(self) -> dict[str, list[Outlook]]:
+        """Relevant effects by the name of their kind, in the order of the candidates.
+
+        Stiffnesses of translation and of rotation are two kinds.
+        """
+        out: dict[str, list[Outlook]] = {}
         for o in self.relevant:
-            out.setdefault((o.relevant.kind, o.relevant.parameters()[0].unit), []).append(o)
+            kind = o.relevant.kind
+            rotates = kind.endswith(("stiffness", "flexibility")) and "rad" in o.relevant.parameters()[0].unit
+            out.setdefault(kind.replace("_", " ") + ", rotation" * rotates, []).append(o)
         return out
 
     def sizes_of(self, what: str = "named") -> list[dict[str, Any]]:
@@ -95,7 +110,8 @@ class Plan:
         the ``n`` places.
         """
         out = []
-        for (kind, unit), some in self.kinds.items():
+        for some in self.kinds.values():
+            kind, unit = some[0].relevant.kind, some[0].relevant.parameters()[0].unit
             shown = [e for o in some if (e := o.least(what)) is not None]
             shown.sort(key=size_of)
             blind = len(some) - len(shown)
@@ -211,7 +227,9 @@ def plan_from_search(
     candidates = [c for c in search.compatible_with(best.effects) if not c.amplitude_dependent]
     say = progress or (lambda text, done: None)
     seen = visibility(problem, best.fitted, candidates, search.fits.odds, None, say)
-    return _plan(seen, problem.reduced.model, measurement, sizes)
+    return replace(
+        _plan(seen, problem.reduced.model, measurement, sizes), is_explained=search.fits.is_near(best)
+    )
 
 
 def with_averages(plan: Plan, now: int, more: int, progress: Progress | None = None) -> Plan:
@@ -236,7 +254,8 @@ def with_averages(plan: Plan, now: int, more: int, progress: Progress | None = N
         say,
         averaged=now / (now + more),
     )
-    return _plan(again, plan.model, plan.measurement, plan.sizes)
+    found = _plan(again, plan.model, plan.measurement, plan.sizes)
+    return replace(found, is_explained=plan.is_explained)
 
 
 def _plan(seen: Visibility, model: Model, measurement: Measurement | None, sizes: Relevant) -> Plan:

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
+from fem.lengths import shown_length
 from viz import style
 from viz.interactive.theme import EDGE, VEIL, coordinates, plain
 from viz.shapes import Arrows, arrow_triangles, view_axes
@@ -180,6 +182,18 @@ def _inwards(note: Mapping[str, Any], right: Floats, centre: Floats) -> dict[str
     return {**note, "ax": -note["ax"], "xanchor": "right"}
 
 
+def _ticks(low: float, high: float, number: float, share: float) -> dict[str, Any]:
+    """Return ticks between two coordinates [m], with their values times a number as texts.
+
+    Five at most, and one where the range is so small a share of the largest that their texts would overlap.
+    """
+    most = max(round(4 * share), 1)
+    values = np.asarray(MaxNLocator(most, steps=[1, 2, 5, 10]).tick_values(number * low, number * high))
+    some = [float(v) for v in values if number * low - 1e-9 <= v <= number * high + 1e-9] or [number * low]
+    some = some if most > 1 else some[len(some) // 2 :][:1]
+    return {"tickvals": [v / number for v in some], "ticktext": [f"{v + 0.0:.6g}" for v in some]}
+
+
 def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
     """Return a scene in true proportions, seen as the still pictures are."""
     right, up, eye = view_axes(points)
@@ -190,17 +204,19 @@ def scene(points: Floats, notes: Sequence[dict[str, Any]] = ()) -> dict[str, Any
     wide, tall = np.abs(np.stack([right, up])) @ half  # of the box of the axes, seen from the eye
     scale = FILLED * min(PROPORTION / wide, 1 / tall)
     aspect = 2 * half * scale
+    number, unit = shown_length(1.0)
+    share = np.ptp(ends, axis=0) / max(float(np.ptp(ends, axis=0).max()), 1e-9)
     axes = {
         f"{name}axis": {
-            "title": {"text": f"{name} [m]", "font": {"size": 11, "color": style.MUTED}},
+            "title": {"text": f"{name} [{unit}]", "font": {"size": 12, "color": style.MUTED}},
             "range": [float(ends[0, k] - room), float(ends[1, k] + room)],
             "showbackground": False,
             "gridcolor": style.FAINT,
             "zeroline": False,
             "showspikes": False,
-            "nticks": 4,
+            **_ticks(float(ends[0, k]), float(ends[1, k]), number, float(share[k])),
             "linecolor": style.MUTED,
-            "tickfont": {"size": 10, "color": style.MUTED},
+            "tickfont": {"size": 11, "color": style.MUTED},
         }
         for k, name in enumerate("xyz")
     }

@@ -14,13 +14,15 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     """Return the facts of the run."""
     d = result.diagnosis
     facts = [
-        ("study file", result.study.path.name),
+        ("study file", result.study.path.name)
+        if result.study.text
+        else ("study", f"{result.study.name}, a model built in Python"),
         ("program", _program()),
         ("date", result.finished.strftime("%Y-%m-%d %H:%M %Z")),
         ("duration", f"{result.seconds:.0f} s, of which the diagnosis took {d.seconds:.0f} s"),
         _mesh(result.study),
     ]
-    files = "result.json (for programs), found.toml, pictures/"
+    files = f"result.json (for programs), {'found.toml, ' * bool(result.study.text)}pictures/"
     if by_frfs(d):
         facts += [
             ("error of the mesh", f"{d.discretisation_db:.2g} dB, estimated by halving every element"),

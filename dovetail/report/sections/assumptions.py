@@ -56,7 +56,7 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     blocks = [
         Items(study.assumptions) or Text("The study states everything; nothing was assumed."),
         Details("Thresholds of the search", [table]),
-        Details("The study file", [Text(study.text, "pre")]),
+        *([Details("The study file", [Text(study.text, "pre")])] if study.text else []),
     ]
     return ReportSection("Assumptions and thresholds", blocks)
 

@@ -186,7 +186,7 @@ def _excluded(result: RunResult[Verdict], shown: Shown) -> list[Block]:
         "Smallest size of an effect that would have been seen at each place. "
         "Where it may have several directions, the colour is that of the largest size. Point at a place "
         "for all of them.",
-        tools=choice("effect", [name for name, _ in planning.named_kinds(result.excluded)]),
+        tools=choice("effect", list(result.excluded.kinds)),
         hint=TURN,
     )
     tables = planning.tables_of_excluded(result.excluded)

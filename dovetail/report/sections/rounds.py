@@ -67,11 +67,11 @@ def caption(d: Diagnosis, k: int) -> str:
 
 
 def figure(d: Diagnosis, k: int) -> "Chart | None":
-    """Return the figure of a round's errors; None of one without candidates."""
+    """Return the figure of a round's errors; None where there is nothing to compare."""
     from viz.search import ranking
 
     ranked, (accepted, twins) = d.rounds[k], _accepted(d, k)
-    if not ranked:
+    if len(ranked) < 2:
         return None
     names, errors = [r.name for r in ranked], [r.fit_db for r in ranked]
     more: dict[str, Any] = {"names": names, "twins": twins, "accepted": accepted}
@@ -144,6 +144,8 @@ def _round(d: Diagnosis, shown: "Shown", k: int) -> list[Block]:
         roles |= {t.name: "contains it" for t in finding.extensions} | {finding.effect.name: "accepted"}
     known = [(r, roles.get(r.name, "")) for r in ranked]
     numbers = block(known, [i for i, (_, what) in enumerate(known) if what == "accepted"])
+    if len(ranked) < 2:
+        return [Text(f"One candidate was fitted fully; without it {_before(d, k):.2f} dB are left."), numbers]
     title = f"Round {k + 1} in numbers: {counted(len(ranked), 'candidate')}"
     return [shown.figure(name, alt, caption(d, k), [name]), Details(title, [numbers])]
 
