@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
 
 from fem.analysis.frf import FRF
 from fem.model import Effect, ParameterRef, parameter_values
@@ -187,9 +188,22 @@ class FitProblem(FrfInputs, Problem[FitData]):
 
         In prior standard deviations [-].
         """
+        return float(self._strains(result).max(initial=0.0))
+
+    def strain_of_one(self, result: FitResult) -> float:
+        """Return the deviation of one value alone that is as improbable as the largest of all [-].
+
+        One of a hundred normal values is beyond 2.5 standard deviations in 7 of 10 cases.
+        """
+        z = self._strains(result)
+        z = z[z > 0]  # what is known exactly does not move
+        chance = -np.expm1(len(z) * np.log1p(-2 * ndtr(-z.max(initial=0.0))))
+        return float(-ndtri(chance / 2))
+
+    def _strains(self, result: FitResult) -> NDArray[np.float64]:
         std = self.data.measurement.errors.std
         z = result.channels / np.where(std > 0, std, 1.0)
-        return float(np.abs([*self.strains(result).values(), *z.ravel()]).max(initial=0.0))
+        return np.abs([*self.strains(result).values(), *z.ravel()])
 
     def far_start(self, result: FitResult) -> FitResult:
         """Return a result with all that is uncertain but damping at its nominal value."""

@@ -193,6 +193,10 @@ class Problem(FitInputs[D]):
         """
         return 0.0
 
+    def strain_of_one(self, result: FitResult) -> float:
+        """Return the deviation of one value alone that is as improbable as the largest of all [-]."""
+        return self.strain(result)
+
     def far_start(self, result: FitResult) -> FitResult | None:
         """Return where fits of further effects begin if a fit is far from the data; None for where it is."""
         return None

@@ -67,8 +67,11 @@ class Fits(Generic[P]):
         return h.fitted.level > FAR * self.floor or self.is_bent(h)
 
     def is_near(self, h: Hypothesis) -> bool:
-        """Whether a hypothesis explains the data with uncertain parameters that are plausible."""
-        return h.fitted.level <= FAR * self.floor and self.problem.strain(h.fitted) <= FAR_STD
+        """Whether a hypothesis explains the data with uncertain parameters that are plausible.
+
+        Of many of them the largest may be far from nominal.
+        """
+        return h.fitted.level <= FAR * self.floor and self.problem.strain_of_one(h.fitted) <= FAR_STD
 
     def is_bent(self, h: Hypothesis) -> bool:
         """Whether uncertain parameters of a model without effects are implausibly far from nominal."""
