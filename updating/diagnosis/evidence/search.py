@@ -289,6 +289,15 @@ class Search(Generic[P]):
         while beam and n_more:
             n_more -= 1
             better = {h.key: h for b in beam for h in self.extended(b, visited)}
+            if self.known[best.key].score > best.score + TWIN_NATS:
+                # What it lacks was judged by a fit that had not converged to the best maximum.
+                best = self.known[best.key]
+                beam, short = [best], [self.short_of(best)]
+                self.promised.clear()
+                self._extended.clear()
+                self.say(f"=> again {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
+                yield best
+                continue
             beam = sorted(better.values(), key=lambda h: -h.score)[: self.budget.n_beam]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
             if beam and self.beats(beam[0], best):
@@ -508,9 +517,9 @@ class Search(Generic[P]):
         few = not far and (settled or self.fits.ranking.precise_looks)
         steps = QUICK_STEPS if few else SHORT_STEPS
         short: list[tuple[list[Hypothesis], bool]] = []
-        rest = [p for p in proposals if p.starts]
+        rest, more = [p for p in proposals if p.starts], 0.0
         while rest:
-            n = sum(p.worth >= best - behind - now for p in rest[: self.budget.together])
+            n = sum(p.worth + more >= best - behind - now for p in rest[: self.budget.together])
             if settled and not n:
                 n = max(0, LEAST_SHORT - len(short))
             if not n:
@@ -521,8 +530,11 @@ class Search(Generic[P]):
                 for p in these
             ]
             fitted = self.workers.map(_shortly, (self.fits, quick, steps), wanted)
-            short += [(f, p.is_first) for f, p in zip(fitted, these, strict=True) if f]
+            done = [(f, p) for f, p in zip(fitted, these, strict=True) if f]
+            short += [(f, p.is_first) for f, p in done]
             best = max([best, *(fits[0].score for fits, _ in short)])
+            if not self.fits.ranking.precise_looks:  # fits so far say by how much a grid is too coarse
+                more = max([more, *(f[0].score - now - p.worth for f, p in done)])
         if settled and self.fits.ranking.precise_looks:
             # A short fit says more than the forecast: what it did not reach is no promise any more.
             for fits, _ in short:
@@ -539,11 +551,15 @@ class Search(Generic[P]):
         return self.workers.map(_continued, (self.fits, free, base), promising)
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis without the effects whose absence raises its score, one after the other."""
-        while len(h.effects) > 1:
+        """Return a hypothesis without the effects whose absence raises its score, one after the other.
+
+        The last one, too, where it does nothing: the fit without effects has ended at a lesser maximum.
+        """
+        while h.effects:
             free = self.fits.free(h)
             gains = gains_without(free, h, [{e.name} for e in h.effects], self.fits.odds)
-            doubtful = [e for e, gain in zip(h.effects, gains, strict=True) if not gain < -DOUBT_NATS]
+            least = -DOUBT_NATS if len(h.effects) > 1 else 0.0
+            doubtful = [e for e, gain in zip(h.effects, gains, strict=True) if not gain < least]
             if not doubtful:
                 return h
             fewer = [tuple(x for x in h.effects if x.name != e.name) for e in doubtful]
