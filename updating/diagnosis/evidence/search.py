@@ -64,9 +64,9 @@ N_TOLD = 2
 """Number of places that are named while the search goes on."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
-IDLE_ROUNDS = 2
-"""A search that explains too little ends after so many rounds whose effects do not pay for themselves: of two
-that work only together the first does not."""
+IDLE_ROUNDS = 3
+"""A search that explains too little goes no further after so many rounds whose effects do not pay for themselves:
+of three that work only together the first two do not."""
 CONNECTIONS = ("joint", "support", "end")
 """Kinds of places whose springs in all directions are a block."""
 SPRING_UNITS = ("N/m", "N·m/rad", "rad/(N·m)")
@@ -288,14 +288,14 @@ class Search(Generic[P]):
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.fits.floor:.4f}")
         best = self._from_seeds(best)
         beam, visited, n_back, n_more = [best], {best.key}, 0, self.budget.n_rounds
-        short, n_idle = [self.short_of(best)], 0
+        short, n_idle, last = [self.short_of(best)], 0, best.score
         while beam and n_more:
             n_more -= 1
             better = {h.key: h for b in beam for h in self.extended(b, visited)}
             if self.known[best.key].score > best.score + TWIN_NATS:
                 # What it lacks was judged by a fit that had not converged to the best maximum.
                 best = self.known[best.key]
-                beam, short = [best], [self.short_of(best)]
+                beam, short, n_idle, last = [best], [self.short_of(best)], 0, best.score
                 self.promised.clear()
                 self._extended.clear()
                 self.say(f"=> again {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
@@ -303,9 +303,9 @@ class Search(Generic[P]):
                 continue
             beam = sorted(better.values(), key=lambda h: -h.score)[: self.budget.n_beam]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
-            n_idle += 1
+            n_idle = n_idle + 1 if beam and beam[0].score <= last else 0
+            last = beam[0].score if beam else last
             if beam and self.beats(beam[0], best):
-                n_idle = 0
                 if self.budget.checked:
                     beam[0] = self.swapped(beam[0])
                 beam[0] = best = self.with_enriched_basis(beam[0])
@@ -316,14 +316,14 @@ class Search(Generic[P]):
             short += [self.short_of(h) for h in beam[:1]]
             if beam and self.is_hopeless(short, len(beam[0].effects)):
                 beam, n_back = [], self.budget.most_back
-            # The unknown is more probable than the best one: effects that do not pay will not change that.
+            # What the library lacks is more probable than the best one: what does not pay leaves it so.
             if n_idle == IDLE_ROUNDS:
                 beam, n_idle = [], 0
             # One of several missing effects may not pay for itself: on, while the unknown is more probable.
             beam = [h for h in beam if len(h.effects) < self.budget.most_effects]
             if not beam and not self.explains(best) and n_back < self.budget.most_back:
                 n_back += 1
-                short = short[:1]
+                short, last = short[:1], -np.inf
                 unvisited = [
                     h
                     for h in self.known.values()
