@@ -318,6 +318,7 @@ class Search(Generic[P]):
                 beam, n_back = [], self.budget.most_back
             # What the library lacks is more probable than the best one: what does not pay leaves it so.
             if n_idle == IDLE_ROUNDS:
+                visited |= {h.key for h in beam}
                 beam, n_idle = [], 0
             # One of several missing effects may not pay for itself: on, while the unknown is more probable.
             beam = [h for h in beam if len(h.effects) < self.budget.most_effects]
