@@ -81,7 +81,7 @@ def test_a_bad_reading_is_named_and_no_cause_with_it():
 
 
 def test_no_candidate_is_promised_more_than_a_perfect_fit_gains():
-    """Beside a clamp that is soft all readings seem bad, and are hundreds of nats off if they are believed."""
+    """Beside a soft clamp all readings seem bad, and are hundreds of nats off if they are believed."""
     problem = build_mode_problem(beam(8, effects=(fix(0),)), measured(bending(6, 0.3), plane="z"), (E,))
     problem = replace(problem, bad_prior=BAD_PRIOR)
     nothing, candidates = fit(problem), propose(problem.reduced.model, KINDS)
