@@ -65,8 +65,8 @@ N_TOLD = 2
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
 IDLE_ROUNDS = 3
-"""A search that explains too little goes no further after so many rounds whose effects do not pay: of three that
-work only together the first two do not."""
+"""A search that explains too little goes no further after so many rounds whose effects do not pay: of
+three that work only together the first two do not."""
 CONNECTIONS = ("joint", "support", "end")
 """Kinds of places whose springs in all directions are a block."""
 SPRING_UNITS = ("N/m", "N·m/rad", "rad/(N·m)")
