@@ -69,10 +69,11 @@ class Given:
 def run(monkeypatch):
     """Return a function that searches over given scores, and tells the best one and what was searched on."""
 
-    def of(scores, unknown, nothing=None):
+    def of(scores, unknown, nothing=None, rival=-np.inf):
         """Scores by effects; each has those with one effect more as extensions. ``unknown`` is a score.
 
-        That without effects may be found to be better than it was, ``nothing``.
+        That without effects may be found to be better than it was, ``nothing``. Beside another model the best
+        one has the score ``rival``.
         """
         known = {frozenset(k): Given(k, s) for k, s in scores.items()}
         went = []
@@ -99,7 +100,7 @@ def run(monkeypatch):
             monkeypatch.setattr(Search, name, f)
         search = object.__new__(Search)
         search.known, search.say, search.budget, search.seeds = {}, lambda text: None, NORMAL, ()
-        search.promised, search._extended = {}, set()
+        search.promised, search._extended, search.rival_score = {}, set(), rival
         search.fits = SimpleNamespace(floor=1.0, is_far=lambda h: True)
         return search.run().name, went
 
@@ -136,6 +137,11 @@ def test_it_goes_back_once_from_an_end_that_does_not_explain_the_data(run):
 def test_it_ends_after_three_rounds_that_do_not_pay(run):
     scores = {"": 0.0, "a": -1.0, "ab": -2.0, "abc": -3.0, "abcd": -4.0, "abcde": -5.0}
     assert run(scores, unknown=30.0) == ("nothing", ["nothing", "a", "ab"])
+
+
+@pytest.mark.parametrize(("rival", "went"), [(19.0, ["nothing", "a", "ab"]), (21.0, [])])
+def test_it_ends_where_another_model_has_more_than_it_can_find(run, rival, went):
+    assert run({"": 0.0, "a": -3.0, "ab": -5.0}, unknown=20.0, rival=rival)[1] == went
 
 
 def test_it_begins_again_from_a_better_fit_without_effects(run):

@@ -221,6 +221,9 @@ class Search(Generic[P]):
     seeds : tuple of Hypothesis
         Of searches on the same data beside another model: where one of them explains the data here as well,
         the search goes on from it.
+    rival_score : float
+        Of the best hypothesis beside other models: the search ends where nothing that it may still find is as
+        probable.
     elsewhere : list of Hypothesis
         Further maxima of those in ``known``: the same effects at other positions.
     promised : dict
@@ -240,6 +243,7 @@ class Search(Generic[P]):
     say: Say = _silent
     seeds: tuple[Hypothesis, ...] = ()
 
+    rival_score: float = -np.inf
     fits: Fits[P] = field(init=False)
     places: tuple[Place, ...] = field(init=False)
     elsewhere: list[Hypothesis] = field(default_factory=list, init=False)
@@ -289,7 +293,7 @@ class Search(Generic[P]):
         best = self._from_seeds(best)
         beam, visited, n_back, n_more = [best], {best.key}, 0, self.budget.n_rounds
         short, n_idle, last = [self.short_of(best)], 0, best.score
-        while beam and n_more:
+        while beam and n_more and self.unknown(best) >= self.rival_score:
             n_more -= 1
             better = {h.key: h for b in beam for h in self.extended(b, visited)}
             if self.known[best.key].score > best.score + TWIN_NATS:
