@@ -16,7 +16,10 @@ from updating import (
     build_mode_problem,
     diagnose_modes,
     place_sensors,
+    propose,
 )
+from updating.diagnosis.evidence import ModeRanking
+from updating.forecast import Look
 from updating.inference import match, n_below
 from updating.inference.fitting import fit
 from updating.inference.mode_fit import BAD_PRIOR
@@ -75,6 +78,20 @@ def test_a_bad_reading_is_named_and_no_cause_with_it():
     assert np.isfinite(m.found_std).tolist() == [False] * 5 + [True]
     assert STD / 5 < m.found_std[5] < 5 * STD
     assert abs(np.log(m.found[5] / f[5])) < 3 * np.hypot(m.found_std[5], STD)
+
+
+def test_no_candidate_is_promised_more_than_a_perfect_fit_gains():
+    """Beside a soft clamp all readings seem bad, and are hundreds of nats off if they are believed."""
+    problem = build_mode_problem(beam(8, effects=(fix(0),)), measured(bending(6, 0.3), plane="z"), (E,))
+    problem = replace(problem, bad_prior=BAD_PRIOR)
+    nothing, candidates = fit(problem), propose(problem.reduced.model, KINDS)
+    look = Look.of(problem, nothing, None, 0, 0)
+    assert look.is_doubtful
+    most = look.cost_now - look.likelihood.cost(np.zeros(len(look.squares)))
+    looked = ModeRanking().screened(problem, nothing, candidates, lambda e: True)
+    gains = {each.effect.name: each.gain for each in looked}
+    assert 0.5 * most < gains["support_flexibility:support0.ry"] == max(gains.values()) < most
+    assert max(e.log_evidence for e in ModeRanking().estimates(problem, nothing, candidates)) < most
 
 
 def test_a_soft_clamp_is_found_beside_a_bad_reading():

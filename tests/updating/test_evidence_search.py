@@ -69,8 +69,12 @@ class Given:
 def run(monkeypatch):
     """Return a function that searches over given scores, and tells the best one and what was searched on."""
 
-    def of(scores, unknown):
-        """Scores by effects; each has those with one effect more as extensions. ``unknown`` is a score."""
+    def of(scores, unknown, nothing=None, rival=-np.inf):
+        """Scores by effects; each has those with one effect more as extensions. ``unknown`` is a score.
+
+        That without effects may be found to be better than it was, ``nothing``. Beside another model the best
+        one has the score ``rival``.
+        """
         known = {frozenset(k): Given(k, s) for k, s in scores.items()}
         went = []
 
@@ -78,6 +82,8 @@ def run(monkeypatch):
             went.append(base.name)
             more = [h for h in known.values() if base.key < h.key and len(h.key) == len(base.key) + 1]
             self.known.update({h.key: h for h in more})
+            if nothing is not None:
+                self.known[frozenset()] = Given("", nothing)
             return [h for h in more if h.key not in gone]
 
         def full(self, effects, values):
@@ -94,6 +100,7 @@ def run(monkeypatch):
             monkeypatch.setattr(Search, name, f)
         search = object.__new__(Search)
         search.known, search.say, search.budget, search.seeds = {}, lambda text: None, NORMAL, ()
+        search.promised, search._extended, search.rival_score = {}, set(), rival
         search.fits = SimpleNamespace(floor=1.0, is_far=lambda h: True)
         return search.run().name, went
 
@@ -125,6 +132,33 @@ def test_it_goes_back_once_from_an_end_that_does_not_explain_the_data(run):
     assert NORMAL.most_back == 1
     hopeless = {"": 0.0, "a": -1.0, "b": -2.0, "c": -3.0, "d": -4.0}
     assert run(hopeless, unknown=60.0) == ("nothing", ["nothing", "a", "b", "c"])
+
+
+def test_it_ends_after_three_rounds_that_do_not_pay(run):
+    scores = {"": 0.0, "a": -1.0, "ab": -2.0, "abc": -3.0, "abcd": -4.0, "abcde": -5.0}
+    assert run(scores, unknown=30.0) == ("nothing", ["nothing", "a", "ab"])
+
+
+@pytest.mark.parametrize(("rival", "went"), [(19.0, ["nothing", "a", "ab"]), (21.0, [])])
+def test_it_ends_where_another_model_has_more_than_it_can_find(run, rival, went):
+    assert run({"": 0.0, "a": -3.0, "ab": -5.0}, unknown=20.0, rival=rival)[1] == went
+
+
+def test_it_begins_again_from_a_better_fit_without_effects(run):
+    scores = {"": 0.0, "a": 10.0, "ab": 20.0}
+    assert run(scores, unknown=-5.0, nothing=12.0) == ("nothing", ["nothing", "nothing"])
+
+
+@pytest.mark.parametrize(("gain", "simpler"), [(8.0, True), (-3.0, False)])
+def test_an_effect_that_does_nothing_gives_way_to_the_fit_without_it(monkeypatch, gain, simpler):
+    nothing, found = Given("", 20.0), Given("a", 12.0)
+    monkeypatch.setattr(module, "gains_without", lambda *given: np.array([gain]))
+    monkeypatch.setattr(Search, "on_few_lines", lambda self, free, h, others: (h, [nothing]))
+    monkeypatch.setattr(Search, "full", lambda self, effects, values, near, anew: nothing)
+    search = object.__new__(Search)
+    search.known, search.say, search._n_fits = {frozenset(): Given("", 5.0)}, lambda text: None, Counter()
+    search.fits = SimpleNamespace(free=lambda h: None, odds=None)
+    assert search.simplified(found) is (nothing if simpler else found)
 
 
 @pytest.mark.parametrize(("n", "bands"), [(N_STARTS, [30.0]), (N_STARTS + 1, [10.0, 20.0, 30.0])])

@@ -122,3 +122,23 @@ def test_a_change_weaker_than_any_grid_is_ranked_first():
     ranked = ModeRanking().screened(look.problem, look.base, every(model, "support_flexibility"), bool)
     assert ranked[0].effect.name == effect.name
     assert ranked[0].starts[0].values[0]["stiffness"] == pytest.approx(10 * stiffest, rel=0.05)
+
+
+def test_a_look_at_few_points_of_grids_leaves_the_best_candidate_first():
+    model = angle()
+    kinds = "point_mass", "member_stiffness", "crack", "support_flexibility"
+    effects = [e for kind in kinds for e in every(model, kind)]
+    mass = next(e for e in effects if e.name == "point_mass:arm")
+    true = model.with_effect(mass.with_values(mass=0.05, position=0.31))
+    targets = ModeTargets.of(first_modes(assemble(true), 8).frequency[:8], 1e-3)
+    problem = build_mode_problem(model, targets, (E,), model_error=0.0)
+    few, all_ = (
+        replace(ModeRanking(), n_fine=n).screened(problem, problem.nominal(), effects, lambda e: False)
+        for n in (3, 0)
+    )
+    assert few[0].effect.name == all_[0].effect.name == mass.name
+    assert few[0].starts[0].values == all_[0].starts[0].values
+    assert {s.effect.name for s in few} == {s.effect.name for s in all_}
+    thin = Grid.of(problem, mass).thinned(6).points
+    assert len(thin) == 6
+    assert len({p["position"] for p in thin}) > 1 < len({p["mass"] for p in thin})

@@ -172,6 +172,16 @@ def test_a_bad_reading_of_the_first_state_is_not_carried():
     assert problem.targets.frequency_std[3] > problem.targets.frequency_std[2]
 
 
+def test_a_bad_reading_of_the_first_state_hides_no_cause():
+    true = frequencies(cantilever(mass=0.3), np.random.default_rng(6))
+    misread = true.frequency * np.array([1, 1, 1, 0.93, 1, 1])
+    first = calibrate(cantilever(), ModeTargets.of(misread, NOISE), UNCERTAIN)
+    found = judged(first, ["point_mass"], say=lambda text, done: None)
+    (cause,) = found.bases[0].fitted.effects
+    assert cause.mass == pytest.approx(0.3, rel=0.1)
+    assert found.bases[0].bad[0].argmax() == 3
+
+
 def test_what_both_states_lack_is_a_model_of_the_first(poor):
     (cause,) = poor.bases[0].fitted.effects
     assert cause.kind == "point_mass"

@@ -107,14 +107,14 @@ def judged(
     if stands(search):
         return Baseline(first, (first,), np.zeros(1))
     doubting = _calibrated(replace(first.problem, bad_prior=BAD_PRIOR), made)
-    if stands(search_at(doubting)):
+    search = search_at(doubting)
+    if stands(search):
         return Baseline(doubting, (doubting,), np.zeros(1))
-    # With a cause that is not there yet many readings seem bad, and with some of these many causes fit.
     done = searched_modes(search, made.formed, say)
     if not done.finished:
         msg = "the first state was not yet judged"
         raise EndEarlyError(msg)
-    return _with_causes(first, concluded(done))
+    return _with_causes(doubting, concluded(done))
 
 
 def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:

@@ -251,6 +251,7 @@ def change_since(
             ranking=ModeRanking(),
             beforehand=float(weight) + problem.log_density,
             seeds=_found_beside(way for way, _ in ways),
+            rival_score=max((way.search.best.score for way, _ in ways), default=-np.inf),
         )
         ways.append((searched_modes(search, changed, say), base))
         if not ways[-1][0].finished:

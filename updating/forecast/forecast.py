@@ -253,8 +253,12 @@ class Forecast:
         self.factor[rows] = a
         seen = look.sees(most[:, None] * moved, look.resolution)
         parts = look.parts(now + a[:, None] * moved)
-        self.cost[rows] = np.where(seen, look.cost_of(*parts), np.inf)
-        self.evidence[rows] = look.log_evidence(*parts) - look.log_evidence(*look.parts(each))[which]
+        self.cost[rows] = np.where(seen, look.stated_costs(*parts), np.inf)
+        nothing = np.maximum(
+            look.log_evidence(*look.parts(each)),
+            look.log_evidence(*look.parts(np.append(look.now, look.off)[None])),
+        )
+        self.evidence[rows] = look.log_evidence(*parts) - nothing[which]
         self.sharpness[rows] = look.sharpness(moved, parts[0])
         # A model without the effect varies the parameter that the effect replaces, within its prior.
         beyond, replacing = moved, np.flatnonzero([bool(refs) for refs in replaced])
@@ -307,7 +311,7 @@ class Forecast:
     @cached_property
     def gains(self) -> Floats:
         """Gains in log likelihood by the best multiple, (n,): -∞ of what the data do not see [nats]."""
-        return self.look.cost_now - self.cost
+        return self.look.stated_now - self.cost
 
     @cached_property
     def best_gains(self) -> Floats:

@@ -67,6 +67,11 @@ class Grid:
         ratios = {p.name: distance(p, point[p.name]) / size if size else np.inf for p in others}
         return tuple(float(f"{ratios.get(n, v):.9g}") for n, v in point.items() if n != first.name)
 
+    def thinned(self, n: int) -> "Grid":
+        """Return the candidate on about n of its points, of all sizes and places."""
+        some = np.unique(np.linspace(0, len(self.points) - 1, n).round().astype(int))
+        return Grid(self.effect, tuple(self.points[i] for i in some))
+
     def terms(self, problem: Any) -> tuple:
         """Return what the effect adds to the reduced matrices at each point (computed once)."""
         if self._reduced is not problem.reduced:

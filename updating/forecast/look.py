@@ -249,6 +249,16 @@ class Look(Generic[P, C]):
         seen = self.sees(change, self.residuals.resolution).any()
         return levels if seen else np.full_like(levels, np.inf)
 
+    def least_stated_cost(self, grid: Grid) -> float:
+        """Return the least cost on the full band of a candidate's points where any reading may be a bad one.
+
+        Nuisances adapt as this look weights readings. Infinite where there is no structure at any point.
+        """
+        change = self._changes(grid)
+        r = (self.residuals.now + change[_finite_rows(change)])[:, self.residuals.full_band]
+        adapted = self.adapted(r, grid.effect.replaces(), self.off)
+        return float(self.stated_costs(*self.parts(adapted)).min(initial=np.inf))
+
     def explained(self, grids: Sequence[Grid]) -> Floats:
         """Return the parts of the squared whitened residuals that candidates take away at best, (n,) [-].
 
@@ -385,6 +395,16 @@ class Look(Generic[P, C]):
     def cost_of(self, v: Floats, known: Floats) -> Floats:
         """Return the negative log posterior of the :meth:`parts` of residuals, (n,)."""
         return self._weighing.costs(v) + known
+
+    def stated_costs(self, v: Floats, known: Floats) -> Floats:
+        """Return the same by the stated likelihood, in which any reading may be a bad one, (n,)."""
+        return self.likelihood.costs(v) + known
+
+    @cached_property
+    def stated_now(self) -> float:
+        """The same without a candidate: what adapts by other weights than those of the fit need not."""
+        each = np.stack([self.adapted(self.now[None], (), self.off)[0], np.append(self.now, self.off)])
+        return float(self.stated_costs(*self.parts(each)).min())
 
     def parts(self, r: Complexes) -> tuple[Floats, Floats]:
         """Return mean squares of the groups (n, n_groups), and half the sum of the priors' squares (n,)."""

@@ -22,6 +22,7 @@ class ModeRanking(Ranking):
     n_listed: int = 100
     n_looked: int = 24
     most_rivals: int = 24
+    n_fine: int = 40
     precise_looks: bool = False
 
     def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:

@@ -10,7 +10,14 @@ from fem.model import Effect
 from updating.diagnosis.evidence.blocks import Block, Blocks
 from updating.diagnosis.evidence.places import Place
 from updating.diagnosis.evidence.scan import Scan, Scanned
-from updating.diagnosis.evidence.screening import Screened, look_at, looks_at, screen, screen_near
+from updating.diagnosis.evidence.screening import (
+    N_COARSE,
+    Screened,
+    look_at,
+    looks_at,
+    screen,
+    screen_near,
+)
 from updating.diagnosis.evidence.shortlist import MOST_PLACES, rivals, shortlist
 from updating.forecast.forecast import EffectEstimate, Forecast
 from updating.forecast.grid import Grid
@@ -55,6 +62,9 @@ class Ranking:
     form_share : float
         Share of the form's small deviations that the data still have: less than 1 where an earlier state has
         taken out what is common to both [-].
+    n_fine : int
+        Number of candidates that are looked at on all points of their grids, the best by a look at few of
+        them; 0 for all.
     precise_looks : bool
         Whether a look at small changes near the data tells what a fit would gain.
     """
@@ -64,6 +74,7 @@ class Ranking:
     n_looked: int = N_LOOKED
     most_rivals: int = 400
     form_share: float = 1.0
+    n_fine: int = 0
     precise_looks: bool = True
 
     def scan(self, problem: Any, current: FitResult, places: Sequence[Place]) -> tuple[Scanned, ...]:
@@ -97,7 +108,12 @@ class Ranking:
         if len(grids) > MOST_GRIDS:
             chosen = shortlist(problem, bases, grids, self.n_listed)
             grids = [g for i, g in enumerate(grids) if i in chosen or listed(g.effect)]
-        return screen(problem, bases, grids, far=far)
+        if not self.n_fine:
+            return screen(problem, bases, grids, far=far)
+        coarse = screen(problem, bases, [g.thinned(N_COARSE) for g in grids], far=far)
+        first = {s.effect.name for s in coarse[: self.n_fine]}
+        fine = screen(problem, bases, [g for g in grids if g.effect.name in first], far=far)
+        return (*fine, *(s for s in coarse if s.effect.name not in first))
 
     def estimates(self, problem: Any, current: FitResult, effects: Sequence[Effect]) -> list[EffectEstimate]:
         """Return what fits with one of some effects more would find, of all that have a grid."""

@@ -72,16 +72,11 @@ def screen(
     if not grids:
         return ()
     looks = [look for base in bases for look in looks_at(problem, base, far=far)]
-    each = [[best_starts(look, grid) for look in looks] for grid in grids]
-    tried = [[start for by_look in of_grid for start in by_look] for of_grid in each]
-    now = {look.all_belong: look.cost_now for look in reversed(looks)}
-    gains = [
-        max(
-            now[look.all_belong] - min(by_look[0][0], by_look[-1][0])
-            for look, by_look in zip(looks, of_grid, strict=True)
-        )
-        for of_grid in each
-    ]
+    tried, gains = list[list[tuple[float, Start]]](), list[float]()
+    for grid in grids:
+        each = [best_starts(look, grid) for look in looks]
+        tried.append([start for by_look in each for start in by_look])
+        gains.append(max(_gains(looks, grid, [min(by_look[0][0], by_look[-1][0]) for by_look in each])))
     costs = np.array([[cost for cost, _ in starts] for starts in tried])
     rank = np.argsort(np.argsort(costs, axis=0, kind="stable"), axis=0)
     out = []
@@ -114,17 +109,30 @@ def screen_near(
             if np.isfinite(gain) != at_once:
                 continue
             if not at_once:
-                few = Grid(grid.effect, grid.points[:: max(1, len(grid.points) // N_COARSE)])
-                gain = max(look.cost_now - float(look.levels(few)[0].min()) for look in looks)
+                few = grid.thinned(N_COARSE)
+                gain = max(_gains(looks, few, [float(look.levels(few)[0].min()) for look in looks]))
             if gain < best - OUTDONE and len(out) >= least:
                 continue
             each = [min(best_starts(look, grid), key=lambda start: start[0]) for look in looks]
-            gained = np.array([look.cost_now - cost for look, (cost, _) in zip(looks, each, strict=True)])
+            gained = np.array(_gains(looks, grid, [cost for cost, _ in each]))
             if np.isfinite(gained).any():
                 order = [int(k) for k in np.argsort(-gained, kind="stable") if np.isfinite(gained[k])]
                 out.append(Screened(grid.effect, tuple(each[k][1] for k in order), float(gained[order[0]])))
                 best = max(best, out[-1].gain)
     return tuple(sorted(out, key=lambda each: -each.gain))
+
+
+def _gains(looks: Sequence[Look[Any, Any]], grid: Grid, least: Sequence[float]) -> list[float]:
+    """Return by how much a candidate raises the log likelihood of the first look's fit, by each look [nats].
+
+    ``least`` are the costs that each finds. A look that believes all readings says where to start; a fit
+    gains no more by a bad reading than that costs as one.
+    """
+    costs = [
+        look.least_stated_cost(grid) if look.all_belong and np.isfinite(cost) else cost
+        for look, cost in zip(looks, least, strict=True)
+    ]
+    return [looks[0].cost_now - cost for cost in costs]
 
 
 def best_starts(look: Look[Any, Any], grid: Grid) -> list[tuple[float, Start]]:

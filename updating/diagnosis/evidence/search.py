@@ -64,6 +64,9 @@ N_TOLD = 2
 """Number of places that are named while the search goes on."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
+IDLE_ROUNDS = 3
+"""A search that explains too little goes no further after so many rounds whose effects do not pay: of
+three that work only together the first two do not."""
 CONNECTIONS = ("joint", "support", "end")
 """Kinds of places whose springs in all directions are a block."""
 SPRING_UNITS = ("N/m", "N·m/rad", "rad/(N·m)")
@@ -218,6 +221,9 @@ class Search(Generic[P]):
     seeds : tuple of Hypothesis
         Of searches on the same data beside another model: where one of them explains the data here as well,
         the search goes on from it.
+    rival_score : float
+        Of the best hypothesis beside other models: the search ends where nothing that it may still find is as
+        probable.
     elsewhere : list of Hypothesis
         Further maxima of those in ``known``: the same effects at other positions.
     promised : dict
@@ -237,6 +243,7 @@ class Search(Generic[P]):
     say: Say = _silent
     seeds: tuple[Hypothesis, ...] = ()
 
+    rival_score: float = -np.inf
     fits: Fits[P] = field(init=False)
     places: tuple[Place, ...] = field(init=False)
     elsewhere: list[Hypothesis] = field(default_factory=list, init=False)
@@ -285,12 +292,23 @@ class Search(Generic[P]):
         self.say(f"nothing: {best.score:.1f}, level {best.fitted.level:.4f}, floor {self.fits.floor:.4f}")
         best = self._from_seeds(best)
         beam, visited, n_back, n_more = [best], {best.key}, 0, self.budget.n_rounds
-        short = [self.short_of(best)]
-        while beam and n_more:
+        short, n_idle, last = [self.short_of(best)], 0, best.score
+        while beam and n_more and self.unknown(best) >= self.rival_score:
             n_more -= 1
             better = {h.key: h for b in beam for h in self.extended(b, visited)}
+            if self.known[best.key].score > best.score + TWIN_NATS:
+                # What it lacks was judged by a fit that had not converged to the best maximum.
+                best = self.known[best.key]
+                beam, short, n_idle, last = [best], [self.short_of(best)], 0, best.score
+                self.promised.clear()
+                self._extended.clear()
+                self.say(f"=> again {best.score:.1f}, level {best.fitted.level:.4f}: {best.name}")
+                yield best
+                continue
             beam = sorted(better.values(), key=lambda h: -h.score)[: self.budget.n_beam]
             beam = [h for k, h in enumerate(beam) if k == 0 or self.apart(h, beam[0])]
+            n_idle = n_idle + 1 if beam and beam[0].score <= last else 0
+            last = beam[0].score if beam else last
             if beam and self.beats(beam[0], best):
                 if self.budget.checked:
                     beam[0] = self.swapped(beam[0])
@@ -302,11 +320,15 @@ class Search(Generic[P]):
             short += [self.short_of(h) for h in beam[:1]]
             if beam and self.is_hopeless(short, len(beam[0].effects)):
                 beam, n_back = [], self.budget.most_back
+            # What the library lacks is more probable than the best one: what does not pay leaves it so.
+            if n_idle == IDLE_ROUNDS:
+                visited |= {h.key for h in beam}
+                beam, n_idle = [], 0
             # One of several missing effects may not pay for itself: on, while the unknown is more probable.
             beam = [h for h in beam if len(h.effects) < self.budget.most_effects]
             if not beam and not self.explains(best) and n_back < self.budget.most_back:
                 n_back += 1
-                short = short[:1]
+                short, last = short[:1], -np.inf
                 unvisited = [
                     h
                     for h in self.known.values()
@@ -508,9 +530,9 @@ class Search(Generic[P]):
         few = not far and (settled or self.fits.ranking.precise_looks)
         steps = QUICK_STEPS if few else SHORT_STEPS
         short: list[tuple[list[Hypothesis], bool]] = []
-        rest = [p for p in proposals if p.starts]
+        rest, more = [p for p in proposals if p.starts], 0.0
         while rest:
-            n = sum(p.worth >= best - behind - now for p in rest[: self.budget.together])
+            n = sum(p.worth + more >= best - behind - now for p in rest[: self.budget.together])
             if settled and not n:
                 n = max(0, LEAST_SHORT - len(short))
             if not n:
@@ -521,8 +543,11 @@ class Search(Generic[P]):
                 for p in these
             ]
             fitted = self.workers.map(_shortly, (self.fits, quick, steps), wanted)
-            short += [(f, p.is_first) for f, p in zip(fitted, these, strict=True) if f]
+            done = [(f, p) for f, p in zip(fitted, these, strict=True) if f]
+            short += [(f, p.is_first) for f, p in done]
             best = max([best, *(fits[0].score for fits, _ in short)])
+            if not self.fits.ranking.precise_looks:  # fits so far say by how much a grid is too coarse
+                more = max([more, *(f[0].score - now - p.worth for f, p in done)])
         if settled and self.fits.ranking.precise_looks:
             # A short fit says more than the forecast: what it did not reach is no promise any more.
             for fits, _ in short:
@@ -539,11 +564,15 @@ class Search(Generic[P]):
         return self.workers.map(_continued, (self.fits, free, base), promising)
 
     def simplified(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis without the effects whose absence raises its score, one after the other."""
-        while len(h.effects) > 1:
+        """Return a hypothesis without the effects whose absence raises its score, one after the other.
+
+        The last one, too, where it does nothing: the fit without effects has ended at a lesser maximum.
+        """
+        while h.effects:
             free = self.fits.free(h)
             gains = gains_without(free, h, [{e.name} for e in h.effects], self.fits.odds)
-            doubtful = [e for e, gain in zip(h.effects, gains, strict=True) if not gain < -DOUBT_NATS]
+            least = -DOUBT_NATS if len(h.effects) > 1 else 0.0
+            doubtful = [e for e, gain in zip(h.effects, gains, strict=True) if not gain < least]
             if not doubtful:
                 return h
             fewer = [tuple(x for x in h.effects if x.name != e.name) for e in doubtful]
