@@ -11,6 +11,7 @@ from fem import assemble, first_modes
 from tests.frames import write_study
 from updating import ModeTargets, build_mode_problem
 from updating.diagnosis.amplitude import at_force_levels
+from updating.inference.fit import as_of_one
 from updating.inference.fitting import far_fit, fit, with_form_of_damping
 from updating.inference.problem import Problem
 
@@ -85,6 +86,16 @@ def test_only_fits_of_frfs_bend_uncertain_parameters(problems):
     assert frfs.far_start(replace(frfs.nominal(), values=values)).values == frfs.nominal().values
     assert by_modes.strain(replace(by_modes.nominal(), values=values)) == 0
     assert by_modes.far_start(by_modes.nominal()) is None
+
+
+def test_the_largest_of_many_deviations_is_judged_by_their_number(problems):
+    assert as_of_one(2.5, 1) == pytest.approx(2.5)
+    # P(|z| > 3.37) = 7.5e-4, of 119 values 8.6 %, which of one alone is beyond 1.72
+    assert as_of_one(3.37, 119) == pytest.approx(1.72, abs=0.01)
+    assert as_of_one(0.0, 0) == 0
+    frfs = problems["FRFs"]
+    bent = replace(frfs.nominal(), values={ref: 1.05 * v for ref, v in frfs.nominal().values.items()})
+    assert 0 < frfs.strain_of_one(bent) < frfs.strain(bent)
 
 
 def test_a_copy_of_any_problem_keeps_what_makes_it_its_kind(problem):

@@ -191,14 +191,9 @@ class FitProblem(FrfInputs, Problem[FitData]):
         return float(self._strains(result).max(initial=0.0))
 
     def strain_of_one(self, result: FitResult) -> float:
-        """Return the deviation of one value alone that is as improbable as the largest of all [-].
-
-        One of a hundred normal values is beyond 2.5 standard deviations in 7 of 10 cases.
-        """
+        """Return the deviation of one value alone that is as improbable as the largest of all [-]."""
         z = self._strains(result)
-        z = z[z > 0]  # what is known exactly does not move
-        chance = -np.expm1(len(z) * np.log1p(-2 * ndtr(-z.max(initial=0.0))))
-        return float(-ndtri(chance / 2))
+        return as_of_one(float(z.max(initial=0.0)), np.count_nonzero(z))
 
     def _strains(self, result: FitResult) -> NDArray[np.float64]:
         std = self.data.measurement.errors.std
@@ -275,3 +270,12 @@ class FitProblem(FrfInputs, Problem[FitData]):
 def _rms(error: NDArray[np.float64]) -> float:
     x = error[np.isfinite(error)]
     return float(np.sqrt((x**2).mean()) * DB_PER_NEPER) if x.size else float("nan")
+
+
+def as_of_one(largest: float, n: int) -> float:
+    """Return the deviation of one normal value that is as improbable as the largest of n [-].
+
+    One of a hundred is beyond 2.5 standard deviations in 7 of 10 cases.
+    """
+    chance = -np.expm1(n * np.log1p(-2 * ndtr(-largest))) if largest > 0 else 1.0
+    return float(-ndtri(chance / 2))
