@@ -193,7 +193,7 @@ class FitProblem(FrfInputs, Problem[FitData]):
     def strain_of_one(self, result: FitResult) -> float:
         """Return the deviation of one value alone that is as improbable as the largest of all [-]."""
         z = self._strains(result)
-        return as_of_one(float(z.max(initial=0.0)), np.count_nonzero(z))
+        return as_of_one(float(z.max(initial=0.0)), int(np.count_nonzero(z)))
 
     def _strains(self, result: FitResult) -> NDArray[np.float64]:
         std = self.data.measurement.errors.std
