@@ -374,7 +374,7 @@ def test_a_mesh_that_only_an_implausible_material_makes_fine_is_refused(old, new
     for meant in ('to = "B"\nelements = 8', 'to = "B"\nelement_size = 0.1'):
         file.write_text(STUDY.replace(old, new).replace('to = "B"', meant))
         assert load_study(file).implausible
-    file.write_text("[mesh]\nmax_elements = 5000\n" + STUDY.replace(old, new))
+    file.write_text("[mesh]\nmax_elements = 10000\n" + STUDY.replace(old, new))
     assert load_study(file).implausible
 
 
