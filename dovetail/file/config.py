@@ -26,6 +26,7 @@ from dovetail.file.contents import SourceDeck, StudyContents
 from dovetail.file.conventions import check_phase
 from dovetail.file.effects import candidates_of, known_candidates, read_changes, read_effects, read_values
 from dovetail.file.faults import as_mounted, read_faults
+from dovetail.file.fit_table import read_fit
 from dovetail.file.geometry import (
     Geometry,
     TooManyElementsError,
@@ -35,8 +36,8 @@ from dovetail.file.geometry import (
 )
 from dovetail.file.lines import key_lines
 from dovetail.file.loads import Loads, read_loads
-from dovetail.file.measured import RawMeasurement, read_band, read_files
-from dovetail.file.measured_match import HeldOut, labels_of, match, read_held_out, top_frequency
+from dovetail.file.measured import RawMeasurement, read_files
+from dovetail.file.measured_match import labels_of, match, top_frequency
 from dovetail.file.measured_modes import (
     MeasuredModes,
     ModalTest,
@@ -66,10 +67,8 @@ from dovetail.file.plausible import implausible, naming_implausible, path_of_req
 from dovetail.file.rotation import read_rotation, read_unbalances
 from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
 from dovetail.file.settings import (
-    MOST_LINES,
     read_candidates,
     read_frequency,
-    read_model_error,
     read_relevant,
     read_tolerances,
 )
@@ -395,15 +394,8 @@ class _Reader:
             refuse_channels(plane, (*sensors, *excitations))
         groups = [[c.sensor for c in group] for group in (sensors, excitations)]
 
-        fit = top.table("fit")
-        band, n_lines = read_band(fit), fit.integer("lines", None, 8, MOST_LINES)
-        model_error = read_model_error(fit)
-        if model_error == 0:
-            self.measured_notes.append(
-                "the form of sections and connections is taken as drawn, as [fit] says: it does not vary"
-            )
-        held_out = self._held_out(fit, sensors, excitations)
-        measured_to = _highest(raw, raw_modes, band)
+        fit = read_fit(top, sensors, excitations, self.measured_notes, self._if_all_was_read)
+        measured_to = _highest(raw, raw_modes, fit.band)
         frequency, highest = read_frequency(top, measured_to, notes)
         superelements = tuple(
             part.reduced(geometry.mesh, highest, notes, with_modes=mode_std(top, part.name) > 0)
@@ -415,7 +407,8 @@ class _Reader:
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
         kinds, exclude, environment, belief = read_candidates(top)
         model = self._model(mesh, (*parts.frame, *more), damping, groups, notes).in_environment(*environment)
-        model = model.with_tolerances(*read_tolerances(top, model, form=model_error > 0)).with_belief(belief)
+        tolerances = read_tolerances(top, model, form=fit.model_error > 0)
+        model = model.with_tolerances(*tolerances).with_belief(belief)
         with top.at("excitations"):
             driven = with_moving_base(model, groups[1])
 
@@ -457,12 +450,7 @@ class _Reader:
             damping_std=damping_std,
             kinds=kinds,
             exclude=exclude,
-            band=band,
-            model_error=model_error,
-            n_lines=n_lines,
-            held_out=held_out[0],
-            held_out_sensors=held_out[1],
-            held_out_bands=held_out[2],
+            **fit.contents,
             frequency=frequency,
             max_frequency=highest,
             element_size=(float(mesh.lengths().min(initial=np.inf)), float(mesh.lengths().max(initial=0.0))),
@@ -613,15 +601,6 @@ class _Reader:
         loads = read_loads(top, geometry, (*supports, *joints))
         unbalances = read_unbalances(top, geometry)
         return _Parts(properties, sizes, supports, joints, connections, masses, loads, unbalances, foreign)
-
-    def _held_out(self, fit: StudyTable, sensors: list[Channel], excitations: list[Channel]) -> HeldOut:
-        """Read the excitations, sensors and bands that are not fitted, the last key of ``[fit]``."""
-        held_out: HeldOut = (), (), ()
-        if fit.get("held_out", ()) != []:  # as the desk saves a hypothesis that holds out nothing
-            with self._if_all_was_read():
-                held_out = read_held_out(fit, sensors, excitations)
-        fit.finish()
-        return held_out
 
     def _refined(
         self, mesh: Mesh, parts: "_Parts", highest: float, notes: list[str]

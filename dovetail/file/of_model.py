@@ -9,16 +9,13 @@ import numpy as np
 
 from dovetail.file.channel_errors import read_channel_errors
 from dovetail.file.contents import StudyContents
-from dovetail.file.measured import read_band
-from dovetail.file.measured_match import read_held_out
+from dovetail.file.fit_table import read_fit
 from dovetail.file.measured_modes import ModalTest, match_modes, read_raw_modes
 from dovetail.file.plausible import implausible
 from dovetail.file.sensors import Channel
 from dovetail.file.settings import (
-    MOST_LINES,
     read_candidates,
     read_frequency,
-    read_model_error,
     read_relevant,
     read_tolerances,
 )
@@ -79,20 +76,16 @@ def contents_of_model(
     )
     model = with_sensor_masses(model, [*ends[0], *ends[1]])
     outputs, inputs = ([Channel(s, top) for s in group] for group in ends)
-    fit = top.table("fit")
-    band, n_lines = read_band(fit), fit.integer("lines", None, 8, MOST_LINES)
-    model_error = read_model_error(fit)
-    held_out = read_held_out(fit, outputs, inputs)
-    fit.finish()
+    fit = read_fit(top, outputs, inputs, measured_notes)
     raw_modes = read_raw_modes(top, Path(), measured_notes)
     modes = match_modes(raw_modes, ModalTest(outputs, inputs, not measurements), measured_notes)
     tops = [float(m.frf.frequency[-1]) for m in measurements]
     tops += [] if modes is None else [float(modes.modes.frequency.max())]
-    highest = None if not tops else max(tops) if band is None else min(band[1], max(tops))
+    highest = None if not tops else max(tops) if fit.band is None else min(fit.band[1], max(tops))
     frequency, highest = read_frequency(top, highest, notes)
     kinds, exclude, environment, belief = read_candidates(top)
     model = with_shear(top, model).in_environment(*environment)
-    model = model.with_tolerances(*read_tolerances(top, model, form=model_error > 0)).with_belief(belief)
+    model = model.with_tolerances(*read_tolerances(top, model, form=fit.model_error > 0)).with_belief(belief)
     for group in ends:
         sensor_rows(model, [s for s in group if not s.moves_base])
     errors = read_channel_errors(top, ends[0], ends[1])
@@ -113,12 +106,7 @@ def contents_of_model(
         damping_std=damping_std,
         kinds=kinds,
         exclude=exclude,
-        band=band,
-        model_error=model_error,
-        n_lines=n_lines,
-        held_out=held_out[0],
-        held_out_sensors=held_out[1],
-        held_out_bands=held_out[2],
+        **fit.contents,
         frequency=frequency,
         max_frequency=highest,
         element_size=(float(lengths.min(initial=np.inf)), float(lengths.max(initial=0.0))),
