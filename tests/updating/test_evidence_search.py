@@ -473,3 +473,17 @@ def test_two_springs_that_only_need_each_other_are_left_out_together(monkeypatch
     monkeypatch.setattr(fits_module, "left_out", lambda *_: set())
     nothing = SimpleNamespace(effects=[], key=frozenset())
     assert Fits.pruned(Fits(None, (), None, None), None, given("yrz"), nothing).name == kept
+
+
+@pytest.mark.parametrize(("of_one", "near"), [(1.7, True), (2.6, False)])
+def test_a_hypothesis_is_near_the_data_although_one_of_many_values_is_unusual(of_one, near):
+    problem = SimpleNamespace(
+        data=SimpleNamespace(noise_level=0.02),
+        mesh_level=0.0,
+        strain=lambda result: 3.4,
+        strain_of_one=lambda result: of_one,
+    )
+    h = SimpleNamespace(fitted=SimpleNamespace(level=0.03), effects=())
+    fits = Fits(problem, (), None, None)
+    assert fits.is_near(h) is near
+    assert fits.is_bent(h)
