@@ -64,3 +64,19 @@ def test_what_is_known_is_not_repeated_by_later_beats(monkeypatch):
         say(Lasting("so far: nothing"), 0.1)
         beat()
     assert told == ["fitting", "so far: nothing", "fitting"]
+
+
+def test_a_diagnosis_by_modes_can_be_ended_at_each_candidate_that_it_looks_at(monkeypatch):
+    monkeypatch.setattr("updating.inference.heartbeat.INTERVAL", -1.0)
+    model, told = cantilever(), []
+    targets = measured(with_mass(model, 0.3, 0.7), shapes=False)
+    diagnose_modes(
+        model,
+        targets,
+        (E,),
+        kinds=["point_mass"],
+        model_error=0.0,
+        progress=lambda text, done: told.append(text),
+    )
+    looks = [text for text in told if text.startswith("looking at")]
+    assert len(looks) > 3 * len(set(looks))
