@@ -256,7 +256,7 @@ class Forecast:
         self.cost[rows] = np.where(seen, look.stated_costs(*parts), np.inf)
         nothing = np.maximum(
             look.log_evidence(*look.parts(each)),
-            look.log_evidence(*look.parts(np.append(look.now, look.off)[None])),
+            look.log_evidence(*look.parts(look.unadapted[None])),
         )
         self.evidence[rows] = look.log_evidence(*parts) - nothing[which]
         self.sharpness[rows] = look.sharpness(moved, parts[0])

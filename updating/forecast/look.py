@@ -401,9 +401,14 @@ class Look(Generic[P, C]):
         return self.likelihood.costs(v) + known
 
     @cached_property
+    def unadapted(self) -> Complexes:
+        """Residuals and deviations from the priors before anything adapts, (m + n_all,)."""
+        return np.append(self.now, self.off).astype(complex)
+
+    @cached_property
     def stated_now(self) -> float:
         """The same without a candidate: what adapts by other weights than those of the fit need not."""
-        each = np.stack([self.adapted(self.now[None], (), self.off)[0], np.append(self.now, self.off)])
+        each = np.stack([self.adapted(self.now[None], (), self.off)[0], self.unadapted])
         return float(self.stated_costs(*self.parts(each)).min())
 
     def parts(self, r: Complexes) -> tuple[Floats, Floats]:
