@@ -10,6 +10,7 @@ from threading import Thread
 
 from dovetail.desk.guard import Guard
 from dovetail.desk.session import Desk
+from fem.linalg.solvers import one_thread
 
 HOST = "127.0.0.1"
 
@@ -56,6 +57,7 @@ def tells(record: logging.LogRecord) -> bool:
     return not ("cancel %s tasks" in str(record.msg) and record.getMessage().rstrip().endswith(":"))
 
 
+@one_thread()
 def serve(desk: Desk, port: int, announce: Callable[[str], None], *, browser: bool = True) -> None:
     """Show the desk until it is interrupted.
 

@@ -1,8 +1,8 @@
 """Factorisations behind one small interface."""
 
 import os
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -67,13 +67,16 @@ def _pools() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def one_thread() -> AbstractContextManager[Any]:
-    """Keep BLAS to one thread within a with-block.
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep BLAS to one thread within a with-block, or within a function that this decorates.
 
-    The blocks of frames are so small that threads wait for each other rather than work: on two cores with
-    other work, two threads took five to ten times as long as one. The caller gets its number back.
+    The blocks of frames are so small that threads wait for each other rather than work: on two cores a
+    diagnosis took two to five times the processor time, and with other work beside it up to ten times as
+    long. The caller gets its number back.
     """
-    return _pools().limit(limits=1, user_api="blas")
+    with _pools().limit(limits=1, user_api="blas"):
+        yield
 
 
 def factorise(

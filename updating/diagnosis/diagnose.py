@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fem.effects.joint_nonlinear import AmplitudeDependent
+from fem.linalg.solvers import one_thread
 from fem.model import Effect, Model
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.amplitude import force_levels
@@ -69,6 +70,7 @@ BASIS_LIMIT_DB = 0.5
 """Error of the reduced basis from which the notes warn of it [dB]."""
 
 
+@one_thread()
 def diagnose(
     model: Model,
     measurements: Sequence[Measurement],

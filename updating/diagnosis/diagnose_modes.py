@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from fem.linalg.solvers import one_thread
 from fem.model import Effect, Model, ModelError
 from updating.diagnosis.baseline import calibrate, judged
 from updating.diagnosis.candidates import situated
@@ -27,6 +28,7 @@ from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import Nuisance
 
 
+@one_thread()
 def diagnose_modes(
     model: Model,
     targets: ModeTargets,

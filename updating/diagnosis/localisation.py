@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.linalg.solvers import one_thread
 from fem.model import Effect
 from fem.summary import fields_summary
 from updating.correlation import compare
@@ -80,6 +81,7 @@ class Localisation:
         return max(shares, default=0.0) >= LEAST_SHARE
 
 
+@one_thread()
 def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisation:
     """Find where a fitted model fails.
 

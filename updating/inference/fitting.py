@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.linalg.solvers import one_thread
 from fem.model import Effect, parameter_values
 from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit import FitProblem
@@ -38,6 +39,7 @@ Watch = Callable[[FitFunction, float], Report]
 """Gives what is called after each step, for a function of lines up to a frequency [Hz]."""
 
 
+@one_thread()
 def fit(
     problem: Problem[Any],
     effects: Sequence[Effect] = (),
@@ -174,6 +176,7 @@ def scattered(
     return result
 
 
+@one_thread()
 def fit_given(
     problem: P,
     effects: Sequence[Effect] = (),

@@ -7,6 +7,7 @@ import numpy as np
 from fem.analysis.modes import first_modes
 from fem.connection_damping import ConnectionDamping
 from fem.elements.splitting import split
+from fem.linalg.solvers import one_thread
 from fem.model import Model
 from fem.reduction.reduced_model import reduce_model
 from fem.system import assemble
@@ -30,6 +31,7 @@ HIGHEST = 1.2
 """Computed modes up to this multiple of the highest measured frequency may be its partner."""
 
 
+@one_thread()
 def build_mode_problem(
     model: Model,
     targets: ModeTargets,

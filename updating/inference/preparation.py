@@ -13,6 +13,7 @@ from fem.effects.joint import PointPair
 from fem.effects.with_frame import WithFrame
 from fem.elements.frame import Frame
 from fem.elements.splitting import split
+from fem.linalg.solvers import one_thread
 from fem.model import Damping, Model
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
@@ -101,6 +102,7 @@ def with_higher_mass(model: Model) -> Model:
     return replace(model, effects=tuple(effects))
 
 
+@one_thread()
 def build_problem(
     model: Model,
     measurement: Measurement,

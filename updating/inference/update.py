@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
+from fem.linalg.solvers import one_thread
 from fem.model import Model, ModelError
 from updating.inference.arrays import frf_data, mode_data
 from updating.inference.defaults import EXPLAINED_LEVEL
@@ -32,6 +33,7 @@ from updating.measurement.measurement import Measurement, with_resting_base
 from updating.modal.identified_modes import IdentifiedModes
 
 
+@one_thread()
 def update(
     model: Model,
     parameters: Parameters,

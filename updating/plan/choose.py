@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fem.declarations import Relevant
 from fem.effects.places import members_mass
+from fem.linalg.solvers import one_thread
 from fem.model import Effect, Model, covers
 from updating.diagnosis.evidence.diagnosis import prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
@@ -119,6 +120,7 @@ class _Worth:
         return float((self.margins(total) >= 1).mean())
 
 
+@one_thread()
 def choose(
     model: Model,
     sensors: Sequence[Sensor],

@@ -8,6 +8,7 @@ import numpy as np
 
 from fem.declarations import Relevant
 from fem.effects.places import members_mass
+from fem.linalg.solvers import one_thread
 from fem.model import Effect, Model, ParameterRef
 from updating.diagnosis.evidence.diagnosis import Searched, prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
@@ -159,6 +160,7 @@ def share(some: Sequence[Outlook], what: str) -> float:
     return float(np.mean([getattr(o, what) for o in some])) if some else np.nan
 
 
+@one_thread()
 def plan_test(
     model: Model,
     measurement: Measurement,
@@ -203,6 +205,7 @@ def plan_test(
     return _plan(seen, formed.model, measurement, sizes)
 
 
+@one_thread()
 def plan_from_search(
     searched: Searched[Any],
     sizes: Relevant = USUAL,
@@ -232,6 +235,7 @@ def plan_from_search(
     )
 
 
+@one_thread()
 def with_averages(plan: Plan, now: int, more: int, progress: Progress | None = None) -> Plan:
     """Return what a test could see and name after more averages: with less noise, and the same error.
 
