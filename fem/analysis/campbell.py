@@ -19,6 +19,7 @@ from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
 from fem.analysis.modes import Eigenpairs, solve_eigenpairs
 from fem.analysis.whirl import whirl
 from fem.effects.spin import Spin, refuse_speeds, spinning
+from fem.linalg.solvers import one_thread
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
 from fem.system import System, assemble, sum_contributions
@@ -171,6 +172,7 @@ class _Shaft:
         return _Modes(found.poles[keep], x, y, found.modal_b[keep], turning, found.converged)
 
 
+@one_thread()
 def solve_campbell(
     model: Model,
     speeds: ArrayLike,

@@ -20,7 +20,7 @@ from fem.analysis.modes import Eigenpairs, Modes, rigid_body_motions, solve_eige
 from fem.analysis.quadratic_roots import QuadraticPencil, Root, all_roots, different, with_laws
 from fem.analysis.receptance import locals_of
 from fem.analysis.selection import Selection, dof_vectors
-from fem.linalg.solvers import Factor, factorise
+from fem.linalg.solvers import Factor, factorise, one_thread
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
 from fem.system import System, law_change
@@ -251,6 +251,7 @@ class _QuadraticProblem:
         return complex(y @ (2 * s * (self.system.M @ x) + self.damped(x)))
 
 
+@one_thread()
 def solve_complex_modes(system: System, n: int = 20, *, pairs: Eigenpairs | None = None) -> ComplexModes:
     """Compute the n modes of smallest |s| with all damping of a model.
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
+from fem.linalg.solvers import one_thread
 from updating.ambient.ambient_modes import AmbientModes
 from updating.ambient.clusters import Cluster, clusters_of
 from updating.ambient.correlations import block_correlations
@@ -23,6 +24,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 
+@one_thread()
 def identify_ambient(
     values: ArrayLike,
     sample_rate: float,

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
+from fem.linalg.solvers import one_thread
 from updating.correlation.complexity import (
     LARGEST_MPD,
     LEAST_MPC,
@@ -44,6 +45,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 
+@one_thread()
 def identify_modes(
     frf: FRF | EstimatedFRF | ArrayLike,
     H: ArrayLike | None = None,

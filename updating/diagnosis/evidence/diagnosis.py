@@ -8,6 +8,7 @@ from typing import Any, Generic, Unpack
 
 import numpy as np
 
+from fem.linalg.solvers import one_thread
 from fem.model import Effect, Model
 from updating.diagnosis.begin import calibrated
 from updating.diagnosis.candidates import propose, situated
@@ -191,6 +192,7 @@ def search_by_evidence(
     return searched(search_of_problem(*prepared, progress=say, crew=crew), say)
 
 
+@one_thread()
 def prepare_search(
     model: Model,
     measurement: Measurement,
@@ -208,6 +210,7 @@ def prepare_search(
     return problem, formed, candidates_for_test(formed.model, measurement, kinds, exclude)
 
 
+@one_thread()
 def search_of_problem(
     as_measured: FitProblem,
     formed: Formed,
