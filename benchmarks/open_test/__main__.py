@@ -4,6 +4,7 @@ import argparse
 import importlib
 import json
 import math
+import os
 import resource
 import signal
 import subprocess
@@ -38,7 +39,11 @@ def answered(name, case, limit):
 
 
 def solve_all(name, cases, out, limit):
-    """Answer all cases of a folder, each in a process of its own; go on after a run that was stopped."""
+    """Answer all cases of a folder, each in a process of its own; go on after a run that was stopped.
+
+    BLAS has one thread: threads that wait for each other would count as CPU seconds of a program.
+    """
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     for case in cases_of(cases):
         file = out / name / f"{case}.json"
         if file.exists():
@@ -46,7 +51,7 @@ def solve_all(name, cases, out, limit):
         file.parent.mkdir(parents=True, exist_ok=True)
         command = [sys.executable, "-m", "benchmarks.open_test", "one", name, str(cases / case), str(file)]
         begun = resource.getrusage(resource.RUSAGE_CHILDREN)
-        ended = subprocess.run([*command, "--limit", str(limit)], check=False).returncode
+        ended = subprocess.run([*command, "--limit", str(limit)], check=False, env=environment).returncode
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds = used.ru_utime + used.ru_stime - begun.ru_utime - begun.ru_stime
         if not file.exists():
