@@ -252,11 +252,11 @@ def test_a_search_from_afar_ends_where_one_way_leads_to_the_data(monkeypatch, fa
 
     def from_afar(self, *a):
         for name in ("first", "others"):
-            yield tried(name)
+            yield [SimpleNamespace(name=name, score=10.0, cost=0.0)]
 
     seen = SimpleNamespace(for_look=lambda: "damped")
     monkeypatch.setattr(module, "Damped", SimpleNamespace(of=lambda *a, **k: seen))
-    monkeypatch.setattr(module, "_ended", lambda shared, trial: trial)
+    monkeypatch.setattr(module, "_ended", lambda shared, trial: tried(trial.name)[0])
     monkeypatch.setattr(Search, "explains", lambda self, h: explains)
     monkeypatch.setattr(Search, "from_afar", from_afar)
     monkeypatch.setattr(
@@ -264,6 +264,33 @@ def test_a_search_from_afar_ends_where_one_way_leads_to_the_data(monkeypatch, fa
     )
     found = search.tried_beside(base, SimpleNamespace(), 0.0, far=far)
     assert [h.name for h in found] == went == ways
+
+
+@pytest.mark.parametrize(
+    ("near", "ended"), [(["third"], ["first", "third"]), ([], ["first", "third", "second"])]
+)
+def test_what_is_far_behind_on_damped_frfs_is_fitted_last(monkeypatch, near, ended):
+    went = []
+    search = object.__new__(Search)
+    search.fits = SimpleNamespace(is_bent=lambda h: False, is_near=lambda h: h.name in near)
+    search.workers = ALONE
+    ways = iter([[("first", -400.0), ("second", -300.0)], [("third", -520.0)]])
+
+    def fitted(shared, trial):
+        went.append(trial.name)
+        return SimpleNamespace(name=trial.name, score=10.0)
+
+    seen = SimpleNamespace(for_look=lambda: "damped")
+    monkeypatch.setattr(module, "Damped", SimpleNamespace(of=lambda *a, **k: seen))
+    monkeypatch.setattr(module, "_ended", fitted)
+    monkeypatch.setattr(Search, "explains", lambda self, h: False)
+    monkeypatch.setattr(
+        Search,
+        "from_afar",
+        lambda self, *a: ([SimpleNamespace(name=n, cost=cost) for n, cost in way] for way in ways),
+    )
+    search.tried_beside(Given("", 0.0), SimpleNamespace(), 0.0, far=True)
+    assert went == ended
 
 
 @pytest.mark.parametrize(("n", "looks"), [(3, [True]), (200, [False, True])])
@@ -290,7 +317,8 @@ def test_where_the_short_list_fails_all_effects_are_looked_at_from_afar(monkeypa
     damped = SimpleNamespace(problem=SimpleNamespace(far_start=lambda now: now))
     ways = list(search.from_afar(base, damped, None))
     assert asked == looks
-    assert [len(names) for names in tried[:-1]] == [min(n, module.N_PROMISING)] * len(looks)
+    each = [min(n, module.N_PROMISING), min(n, NORMAL.n_singles)]
+    assert [len(names) for names in tried[:-1]] == each * len(looks)
     assert tried[-2][0] == str(n - 1)  # the best of all, not of the short list
     found = [t.candidate[0][0].name for way in ways for t in way]
     assert len(found) == len(set(found))  # each goes on once

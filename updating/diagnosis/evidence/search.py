@@ -27,7 +27,7 @@ from updating.diagnosis.evidence.fits import (
     around,
     with_forces,
 )
-from updating.diagnosis.evidence.halving import Candidate, Damped, HalvingTrial, halved
+from updating.diagnosis.evidence.halving import BEHIND_NATS, Candidate, Damped, HalvingTrial, halved
 from updating.diagnosis.evidence.hypothesis import (
     Hypothesis,
     Odds,
@@ -439,10 +439,18 @@ class Search(Generic[P]):
             return self.from_near(base, free, now, far=far)
         # What explains the data with a form far from nominal may be as far as it is fitted.
         out = self.from_near(base, free, now, far=False) if self.explains(base) else []
-        ways = self.from_afar(base, damped, looked)
+        ways, behind, least = self.from_afar(base, damped, looked), list[HalvingTrial](), np.inf
         while not any(h.score > now + TWIN_NATS and self.fits.is_near(h) for h in out):
-            if (trials := next(ways, None)) is None:
+            trials = next(ways, None)
+            if trials is None and not behind:
                 break
+            if trials is None:
+                trials, behind = behind, []
+            else:
+                # What is far behind on damped FRFs waits: it is wanted only where nothing leads to the data.
+                least = min([least, *(t.cost for t in trials)])
+                behind += [t for t in trials if t.cost > least + BEHIND_NATS]
+                trials = [t for t in trials if t.cost <= least + BEHIND_NATS]
             out += self.workers.map(_ended, (self.fits, free, base), trials)
         return out
 
@@ -453,7 +461,10 @@ class Search(Generic[P]):
             self.known.setdefault(key, h.at_score(best.score + h.score - few[best.key].score))
 
     def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> Iterator[list[HalvingTrial]]:
-        """Yield candidates that damped FRFs ask for: the best of the most promising, then of all others."""
+        """Yield candidates that damped FRFs ask for: of the most promising, of all others, of all connections.
+
+        An effect with one or two parameters takes a fifth of the time of a connection.
+        """
         kept, now = values_of(base.effects), base.fitted
         order = [s.places[0].parent for s in self.scan(now) if len(s.places) == 1]
         if not base.effects:
@@ -484,7 +495,8 @@ class Search(Generic[P]):
                 ((*base.effects, s.effect), (Start((*kept, *s.starts[0].values), now),))
                 for s in screened[: self.budget.n_singles]
             ]
-            yield best_of(blocks[:N_PROMISING], singles[:N_PROMISING])
+            for n in (N_PROMISING, len(singles)):
+                yield best_of(blocks[:N_PROMISING], singles[:n])
         yield best_of(blocks, singles)
 
     def amid(self, block: Sequence[Effect]) -> list[Values]:
