@@ -10,11 +10,9 @@ import numpy as np
 from benchmarks.independent.bodies import Bar
 from benchmarks.independent.casefiles import DIRECTIONS
 
-STRUCTURES, FURTHER, LATER, FRESH, LATEST, NEWEST, UNSEEN, SEALED, OPEN = (
-    Path(__file__).with_name(f"{name}.toml")
-    for name in ("structures", "further", "later", "fresh", "latest", "newest", "unseen", "sealed", "open")
-)
-NAMED = FURTHER, LATER, FRESH, LATEST, NEWEST, UNSEEN, SEALED, OPEN
+_FILES = "structures", "further", "later", "fresh", "latest", "newest", "unseen", "sealed", "open", "recent"
+STRUCTURES, *NAMED = (Path(__file__).with_name(f"{name}.toml") for name in _FILES)
+_, _, FRESH, *_, OPEN, _ = NAMED
 """Structures that every run draws are the first ones; of the others each is drawn when it is named."""
 E, NU, RHO = 210e9, 0.3, 7850.0
 HELD = 1e11

@@ -461,7 +461,7 @@ class Search(Generic[P]):
             self.known.setdefault(key, h.at_score(best.score + h.score - few[best.key].score))
 
     def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> Iterator[list[HalvingTrial]]:
-        """Yield candidates that damped FRFs ask for: of the most promising, of all others, of all connections.
+        """Yield candidates that damped FRFs ask for: the most promising, other effects, all connections.
 
         An effect with one or two parameters takes a fifth of the time of a connection.
         """
