@@ -112,8 +112,7 @@ def exported_deck(
     one = exported(study, effects_only=effects_only)
     if not one.found and one.model is one.before:
         values = "" if effects_only else f", and no {RESULT} with fitted values is next to it"
-        msg = f"{study.path}: it has no [[effects]]{values}; --whole exports the model"
-        raise StudyError(msg)
+        raise StudyError(_no_effects(study, one, f"{values}; --whole exports the model"))
     deck = changed_deck(deck_of(one.model, study.name), deck_of(one.before, study.name))
     deck = _titled(deck, one.found)
     return replace(deck, notes=(*one.notes, *deck.notes)), one.lines
@@ -139,8 +138,7 @@ def exported_edit(
     nodes = model_of(read_deck(source.file, source.units)).mesh.points if effects_only else None
     one = exported(study, effects_only=effects_only, nodes=nodes)
     if effects_only and not one.found:
-        msg = f"{study.path}: it has no [[effects]]; dovetail run writes them into found.toml"
-        raise StudyError(msg)
+        raise StudyError(_no_effects(study, one, "; dovetail run writes them into found.toml"))
     deck = _titled(deck_of(one.model, study.name), one.found)
     edit = CHANGES[program_of(source.file)](deck, source.file, DeckUnits.of(source.units))
     if not edit.lines and not edit.notes:
@@ -178,6 +176,13 @@ def differences(deck: Path, source: SourceDeck, model: Model) -> tuple[float, fl
 def program_of(deck: Path) -> str:
     """Return the program of a deck, empty for other files."""
     return (programs.program_of(deck) or "").lower()
+
+
+def _no_effects(study: StudyContents, one: Exported, remedy: str) -> str:
+    """Return why a study has no effects to export: it has none, or no card is for them."""
+    if "effects" in tomllib.loads(study.text):
+        return f"{study.path}: no card is for its [[effects]]: {'; '.join(one.notes)}"
+    return f"{study.path}: it has no [[effects]]{remedy}"
 
 
 def _head(study: StudyContents) -> str:

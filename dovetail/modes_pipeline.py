@@ -5,6 +5,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.file.contents import StudyContents
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
@@ -12,7 +13,7 @@ from dovetail.file.table import StudyError
 from dovetail.frf_modes import ModesInFrfs
 from fem.analysis.modes import Modes
 from fem.model import Effect, Model
-from updating.correlation import comac, compare_modes
+from updating.correlation import ModeComparison, comac, compare_modes
 from updating.diagnosis.diagnose_modes import diagnose_modes
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.frf_modes import identified_in, modes_in, with_more_sensors
@@ -193,8 +194,14 @@ def modes_in_frfs(study: StudyContents, d: Diagnosis, nominal: Modes, reported: 
         "nominal": compare_modes(measured.modes, nominal, before),
         "reported": compare_modes(measured.modes, reported, rows),
     }
-    same = np.array(pairs["reported"].pairs, dtype=np.int64).reshape(-1, 2)
-    known = np.full(len(rows), np.nan)
-    if len(same) > 1:  # of one pair all values are 1
-        known = comac(measured.modes.shapes[:, same[:, 0]], rows @ reported.shapes[:, same[:, 1]])
-    return ModesInFrfs(measured, reported, pairs, known)
+    return ModesInFrfs(measured, reported, pairs, comac_of(measured, reported, pairs["reported"], rows))
+
+
+def comac_of(
+    measured: MeasuredModes, computed: Modes, comparison: ModeComparison, rows: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the CoMAC of each sensor over paired modes, (n_sensors,) [-]; NaN for fewer than two pairs."""
+    same = np.array(comparison.pairs, dtype=np.int64).reshape(-1, 2)
+    if len(same) < 2:  # of one pair all values are 1
+        return np.full(len(rows), np.nan)
+    return comac(measured.modes.shapes[:, same[:, 0]], rows @ computed.shapes[:, same[:, 1]])

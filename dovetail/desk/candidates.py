@@ -61,7 +61,7 @@ class CandidateList:
         with card("Candidates"):
             with ui.element("div").classes("desk-row"):
                 spots = {"": "everywhere", **{name: name for name in desk.spots}}
-                self._choice = choice("Place", spots, "", self._choose, width=180)
+                self._choice = choice("Place", spots, "", self._choose, width=180, typed=True)
                 button("Rank", rank, "sort", label="Rank candidates")
             self._found = ui.element("div").classes("desk-lines")
             self._best = ui.element("div").classes("desk-lines")

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from dovetail.desk.saving import model_of
 from dovetail.file.measured_modes import MeasuredModes
-from dovetail.modes_pipeline import as_measured
+from dovetail.modes_pipeline import as_measured, comac_of
 from dovetail.pipeline import Progress
 from dovetail.study import Study
+from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
 from fem.model import Model
 from updating.correlation import ModeComparison, compare_modes
@@ -19,6 +20,7 @@ from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
 from updating.measurement.measurement import sensor_rows
 from updating.modal.identification import IdentificationError
+from updating.modal.identified_modes import IdentifiedModes
 
 BEYOND = 1.05
 """Modes up to this multiple of the highest measured frequency are computed [-]."""
@@ -37,8 +39,12 @@ class ComparedModes:
     computed : Modes
         With a row for every DOF of the model's mesh.
     comparison : ModeComparison
+    comac : ndarray (n_sensors,)
+        Coordinate modal assurance criterion of each sensor over the pairs [-].
     notes : tuple of str
         Warnings of the identification.
+    identified : (FRF, IdentifiedModes) or None
+        What the measured modes were identified in, and the identification; None if the study has modes.
     """
 
     hypothesis: Hypothesis
@@ -46,7 +52,9 @@ class ComparedModes:
     measured: MeasuredModes
     computed: Modes
     comparison: ModeComparison
+    comac: NDArray[np.float64]
     notes: tuple[str, ...]
+    identified: tuple[FRF, IdentifiedModes] | None = None
 
     @property
     def mac(self) -> NDArray[np.float64]:
@@ -86,21 +94,25 @@ def compared_modes(
         If no mode is found.
     """
     if known is not None and (known.hypothesis.faults, known.hypothesis.off) == (h.faults, h.off):
-        measured, notes = known.measured, known.notes
+        measured, notes, identified = known.measured, known.notes, known.identified
     elif study.modes is not None and study.modes.has_shapes:
-        measured, notes = study.modes, ()
+        measured, notes, identified = study.modes, (), None
     else:
         progress("identifying modes in the measured FRFs", 0.05)
-        measured, notes = _identified(study, live, h)
+        measured, notes, identified = _identified(study, live, h)
     progress("computing the modes of the model", 0.9)
     model = model_of(study, live, h)
     top = BEYOND * float(measured.modes.frequency.max())
     computed = damped_modes(model, live.problem.damping, h.zeta, top)
-    comparison = compare_modes(measured.modes, computed, sensor_rows(model, measured.sensors))
-    return ComparedModes(h, model, measured, computed, comparison, notes)
+    rows = sensor_rows(model, measured.sensors)
+    comparison = compare_modes(measured.modes, computed, rows)
+    known_at = comac_of(measured, computed, comparison, rows)
+    return ComparedModes(h, model, measured, computed, comparison, known_at, notes, identified)
 
 
-def _identified(study: Study, live: LiveModel, h: Hypothesis) -> tuple[MeasuredModes, tuple[str, ...]]:
+def _identified(
+    study: Study, live: LiveModel, h: Hypothesis
+) -> tuple[MeasuredModes, tuple[str, ...], tuple[FRF, IdentifiedModes]]:
     """Return the modes in the FRFs as a hypothesis believes them, without sensors that are left out."""
     frf = live.evaluate(h).measured
     if not frf.has_phase:
@@ -110,4 +122,4 @@ def _identified(study: Study, live: LiveModel, h: Hypothesis) -> tuple[MeasuredM
     data = live.data_of(h).measurement.with_frf(frf.select(counted))
     data = with_more_sensors(data, study.model)
     found, notes = modes_in(data, study.band, **asdict(study.shape_limits))
-    return as_measured(found, data), notes
+    return as_measured(found, data), notes, (data.frf, found)

@@ -47,7 +47,7 @@ def model(desk: Desk, chosen: str, height: float) -> Figure:
     for effect in desk.shown.hypothesis.effects:
         points = effect.locations(desk.live.problem.reduced.model)
         marks += [MarkedPlace(p, effect.name, words.place(effect.where), "finding") for p in points[:1]]
-    for spot in desk.spots.values():
+    for spot in (s for s in desk.spots.values() if s.on_structure):
         role = "chosen place" if spot.name == chosen else "candidate"
         marks.append(MarkedPlace(np.array(spot.point), spot.name, ", ".join(spot.places), role))
     errors = dict(zip(desk.shown.comparison.outputs, desk.shown.by_sensor().tolist(), strict=True))
@@ -197,6 +197,14 @@ def mode_rows(found: ComparedModes) -> list[dict[str, Any]]:
         damping = f"{100 * zeta[i]:.2g}" if zeta is not None and np.isfinite(zeta[i]) else "–"
         out.append({**dict(zip(MODE_HEAD, (i + 1, f"{f:.5g}", *cells, damping), strict=True)), "partner": j})
     return out
+
+
+def comac_rows(found: ComparedModes) -> list[dict[str, str]]:
+    """Return a row for each sensor with its CoMAC, the lowest first; none for fewer than two pairs."""
+    names, order = [s.name for s in found.measured.sensors], np.argsort(found.comac)
+    return [
+        {"sensor": names[k], "CoMAC": f"{found.comac[k]:.3f}"} for k in order if np.isfinite(found.comac[k])
+    ]
 
 
 def shapes_title(found: ComparedModes, i: int, j: int) -> str:

@@ -1,11 +1,13 @@
 """The page's modes: natural frequencies and MAC, and shapes that move, measured beside computed."""
 
+from base64 import b64encode
+from collections.abc import Sequence
 from typing import Any
 
 from nicegui import json, run, ui
 
 from dovetail.desk.compared_modes import ComparedModes
-from dovetail.desk.figures import MODE_HEAD, mode_rows, shapes_figure, shapes_title
+from dovetail.desk.figures import MODE_HEAD, comac_rows, mode_rows, shapes_figure, shapes_title
 from dovetail.desk.job_bar import Start
 from dovetail.desk.jobs import Job
 from dovetail.desk.session import Desk
@@ -13,6 +15,8 @@ from dovetail.desk.views import frequency_bars
 from dovetail.desk.widgets import button, card, labelled, plot, show
 from viz.frequencies import mac_map
 from viz.interactive import live
+from viz.modal import plot_stabilisation
+from viz.style import figure_png
 
 HIGHEST_MATRIX = 460
 """Most height of the MAC matrix [pixel]."""
@@ -82,11 +86,7 @@ class ModePanel:
         ui.label(words + when).classes("desk-note")
         for note in found.notes:
             ui.label(note).classes("desk-note")
-        columns = [{"name": head, "label": head, "field": head, "align": "right"} for head in MODE_HEAD]
-        table = ui.table(
-            rows=mode_rows(found), columns=[*columns, {"name": "show", "label": "", "field": "mode"}]
-        )
-        table.props("dense flat hide-pagination :rows-per-page-options=[0]").classes("desk-list desk-modes")
+        table = _table(mode_rows(found), MODE_HEAD, {"name": "show", "label": "", "field": "mode"})
         table.add_slot("body-cell-show", SHOW)
         table.on("show", lambda e: self._choose(int(e.args["mode"]) - 1, int(e.args["partner"])))
         labelled(table, "Natural frequencies, measured and computed")
@@ -96,7 +96,27 @@ class ModePanel:
         matrix.update_layout(height=height)
         made = plot(matrix, "MAC of measured with computed modes; click a cell")
         made.on("plotly_click", lambda e: self._choose(*(round(e.args["points"][0][k]) for k in "yx")))
+        if rows := comac_rows(found):
+            with ui.expansion("CoMAC of each sensor").classes("desk-lines"):
+                note = "Similarity of measured and computed motions over all pairs; the lowest first."
+                ui.label(note).classes("desk-note")
+                labelled(_table(rows, ("sensor", "CoMAC")), "CoMAC of each sensor")
+        if found.identified is not None:
+            with ui.expansion("Stabilisation diagram").classes("desk-lines") as diagram:
+                diagram.on_value_change(lambda e: self._stabilisation(found, diagram) if e.value else None)
         self._box = ui.element("div").style("width: 100%").classes("desk-column")
+
+    async def _stabilisation(self, found: ComparedModes, diagram: ui.expansion) -> None:
+        """Draw the poles of all orders when the diagram is first opened."""
+        if found.identified is None or diagram.default_slot.children:
+            return
+        measured, identified = found.identified
+        drawn = await run.io_bound(lambda: figure_png(plot_stabilisation(measured, identified)))
+        if drawn is None:  # the desk is closing
+            return
+        with diagram:
+            made = ui.image(f"data:image/png;base64,{b64encode(drawn).decode()}")
+            labelled(made, "Mode indicators, and below them the poles of all orders of the model")
 
     async def _choose(self, i: int, j: int) -> None:
         """Show a measured mode and an elastic computed one, both counted from 0."""
@@ -132,3 +152,10 @@ class ModePanel:
         assert self._shape is not None
         call = {"id": self._shape.id, "shown": self._shown, "args": self._menus[which], "asked": asked}
         self._shape.client.run_javascript(f"{PLAY}({json.dumps(call)})")
+
+
+def _table(rows: list[dict[str, Any]], head: Sequence[str], *more: dict[str, Any]) -> ui.table:
+    """Return a table of all rows at once, with columns by the keys of ``head`` and ``more`` of them."""
+    columns = [{"name": name, "label": name, "field": name, "align": "right"} for name in head]
+    made = ui.table(rows=rows, columns=[*columns, *more])
+    return made.props("dense flat hide-pagination :rows-per-page-options=[0]").classes("desk-list desk-modes")

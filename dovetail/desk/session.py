@@ -66,12 +66,15 @@ class Spot:
         Its first place.
     point : (float, float, float)
         [m].
+    on_structure : bool
+        Whether it is on a member or near one; candidates that act at several points are between these.
     places : mapping of str to tuple of str
         Names of the candidates at each of its places.
     """
 
     name: str
     point: tuple[float, float, float]
+    on_structure: bool
     places: Mapping[str, tuple[str, ...]]
 
 
@@ -170,7 +173,8 @@ class Desk:
                 out[spot.name] = replace(spot, places={**spot.places, **own})
             else:
                 x, y, z = (float(v) for v in middle)
-                out[name] = Spot(name, (x, y, z), own)
+                off = model.mesh.nearest_on_members(middle)[2]
+                out[name] = Spot(name, (x, y, z), off < SAME_SPOT * model.mesh.size, own)
         return out
 
     @cached_property

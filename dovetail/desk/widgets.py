@@ -32,10 +32,19 @@ def labelled(element: E, words: str) -> E:
 
 
 def choice(
-    word: str, options: Any, value: str, chosen: Callable[[Any], None], *, width: int = 120
+    word: str,
+    options: Any,
+    value: str,
+    chosen: Callable[[Any], None],
+    *,
+    width: int = 120,
+    typed: bool = False,
 ) -> ui.select:
-    """Return a list to choose from; ``chosen`` is called with the new value."""
-    made = ui.select(options, value=value, label=word, on_change=lambda e: chosen(e.value))
+    """Return a list to choose from, by typing a part of a name if so ``typed``.
+
+    ``chosen`` is called with the new value.
+    """
+    made = ui.select(options, value=value, label=word, with_input=typed, on_change=lambda e: chosen(e.value))
     return labelled(made.props("dense outlined"), word).style(f"min-width: {width}px; max-width: 100%")
 
 

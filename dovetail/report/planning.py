@@ -16,7 +16,7 @@ from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import EffectParameter
 from updating.measurement.measurement import Sensor
 from updating.plan.check import FailedTrial, Trial
-from updating.plan.choose import ChosenChannels
+from updating.plan.choose import N_LINES, ChosenChannels
 from updating.plan.perturbed import Separation
 from updating.plan.plan import Outlook, Plan, share
 from updating.plan.visibility import size_of
@@ -297,7 +297,13 @@ def chosen_lines(chosen: ChosenChannels) -> list[str]:
             out += [f"[[{table}]]", f'name = "{s.name}"', f"point = [{at}]", f"direction = [{along}]"]
     shares = ", ".join(f"{k}: {100 * share:.0f} %" for k, share in enumerate(chosen.curve, 1))
     before = f"{100 * chosen.without:.0f} % without; " if chosen.kept else ""
-    return [*out, "", f"named by the first sensors as they were added (estimate): {before}{shares}", ""]
+    return [
+        *out,
+        "",
+        f"named by the first sensors as they were added: {before}{shares}",
+        f"These shares are estimates from {N_LINES} lines, to choose by; the map of the test follows.",
+        "",
+    ]
 
 
 def chosen_dict(chosen: ChosenChannels) -> dict[str, Any]:

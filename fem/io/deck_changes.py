@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fem.io.deck_nodes import FIRST_OF_PART
+from fem.io.frame_deck import Bars
 from fem.io.frame_of_model import ModelDeck
 from fem.io.source_changes import others_than
 from fem.summary import listed
@@ -45,7 +46,12 @@ def changed_deck(deck: ModelDeck, before: ModelDeck) -> ModelDeck:
         known=frozenset(rows),
         known_bars=known_bars,
         **parts,
-        notes=(*_replaced(deck, before, items), *_freed(deck, before), *deck.notes),
+        notes=(
+            *_replaced(deck, before, items),
+            *_replaced_bars(bars, before, known_bars),
+            *_freed(deck, before),
+            *deck.notes,
+        ),
     )
 
 
@@ -84,7 +90,7 @@ def _new(deck: ModelDeck, before: ModelDeck, now: Iterable[Any], then: Iterable[
     return tuple(item for item in now if _signature(deck, item) not in known)
 
 
-def _bars(deck: ModelDeck, before: ModelDeck) -> tuple[Any, tuple[Any, ...], frozenset[int]]:
+def _bars(deck: ModelDeck, before: ModelDeck) -> tuple[Bars, tuple[Any, ...], frozenset[int]]:
     """Return the bars that differ, the properties of the deck that are needed, and rows of bars that stay."""
 
     def bar(of: ModelDeck, k: int) -> Hashable:
@@ -115,6 +121,13 @@ def _replaced(deck: ModelDeck, before: ModelDeck, items: Sequence[str]) -> Itera
         removed = _new(before, deck, getattr(before, name), getattr(deck, name))
         if removed:
             yield f"take out of the model what these cards replace: {listed(x.name for x in removed)}"
+
+
+def _replaced_bars(bars: Bars, before: ModelDeck, known: frozenset[int]) -> Iterator[str]:
+    """Yield the bars that both decks have, with other nodes, orientations, offsets or springs."""
+    there = set(before.bars.numbers.tolist())
+    if numbers := [n for k, n in enumerate(bars.numbers.tolist()) if k not in known and n in there]:
+        yield f"take out of the model the bars that these cards replace: {listed(map(str, numbers))}"
 
 
 def _freed(deck: ModelDeck, before: ModelDeck) -> Iterator[str]:

@@ -416,6 +416,9 @@ def test_modes_of_the_model_itself_have_a_mac_of_one(desk):
         row = figures.mode_rows(found)[k]
         if found.partner.get(k) == k:
             assert (row["mode"], row["Δf [%]"], row["MAC"], row["partner"]) == (k + 1, "-1.96", "1.000", k)
+    assert found.identified is None
+    assert {row["sensor"] for row in figures.comac_rows(found)} == {s.name for s in found.measured.sensors}
+    assert {row["CoMAC"] for row in figures.comac_rows(found)} == {"1.000"}
     figure = figures.shapes_figure(found, seen[0], seen[0])
     assert len(figure.frames) == 7
     tips = [t for t in figure.data if t.meta and t.meta.get("moves") in ("measured", "computed")]
@@ -441,6 +444,15 @@ def test_a_click_finds_its_spot(desk):
     assert desk.spot_near([0.0, 0.0, 5.0]) == ""
     every = [n for s in desk.spots.values() for names in s.places.values() for n in names]
     assert sorted(every) == sorted(desk.candidates)
+
+
+def test_candidates_that_act_at_several_points_have_no_mark(desk):
+    """Their middle is beside the structure, such as that of the section of both beams."""
+    (marks,) = (t.customdata for t in figures.model(desk, "", 400.0).data if t.name == "candidates")
+    assert {"joint J", "member U", "member D"} <= {*marks}
+    between = "section of member U, D"
+    assert between in desk.spots.keys() - {*marks}
+    assert desk.study.model.mesh.nearest_on_members(desk.spots[between].point)[2] > 0.02
 
 
 def test_a_click_means_the_nearest_mark():

@@ -385,6 +385,33 @@ def test_effects_alone_need_effects(found, capsys):
     assert "give one of them" in capsys.readouterr().err
 
 
+def test_effects_without_a_card_are_named_with_the_reason(found, capsys):
+    text = (found / "study.toml").read_text()
+    form = f"section_form:{member(found, 'node 14', 'node 15')}"
+    (found / "found.toml").write_text(text + effect(form, A=0.02))
+    assert main(["export", "s/found.toml", "--effects-only", "--nastran", "cards.bdf"]) == 2
+    error = capsys.readouterr().err
+    assert f"no card is for its [[effects]]: not in this file, uncertain form: known {form}" in error
+    assert not Path("cards.bdf").exists()
+
+
+def test_cards_without_a_deck_name_the_bar_of_a_released_end(found, capsys):
+    """Of a bar that only gets another property, the property is written and nothing is to be removed."""
+    study = (found / "study.toml").read_text()
+    here = re.sub(r"\[source\]\nfile.*\nunits.*\n", "", study)
+    brace, printed = member(found, "node 15", "node 18"), lambda: capsys.readouterr().out
+    released = effect(f"end_release:{brace}.1.rz", compliance=2e-4)
+    for found_effect, bars in ((released, 1), (effect(f"member_stiffness:{brace}", change=-0.2), 0)):
+        (found / "found.toml").write_text(here + found_effect)
+        assert main(["export", "s/found.toml", "--effects-only", "--nastran", "cards.bdf"]) == 0
+        written = numbers(Path("cards.bdf").read_text(), "CBAR|CBEAM")
+        notes = re.findall(
+            r"take out of the model the bars that these cards replace: (\d+)$", printed(), re.M
+        )
+        assert len(written) == bars
+        assert notes == [str(n) for n in written]
+
+
 @pytest.mark.parametrize(
     "case", ["softer member", "softer member and fitted modulus", "fitted modulus", "thinner section"]
 )
@@ -458,7 +485,7 @@ def found(tmp_path, monkeypatch):
 
 
 def numbers(deck: str, card: str) -> list[int]:
-    return [int(n) for n in re.findall(rf"^{card}(?:\*\s+|,)(\d+)", deck, re.MULTILINE)]
+    return [int(n) for n in re.findall(rf"^(?:{card})(?:\*\s+|,)(\d+)", deck, re.MULTILINE)]
 
 
 def test_cards_keep_the_numbers_of_the_deck_and_name_what_they_replace(found, capsys):

@@ -341,7 +341,8 @@ def test_a_sensor_is_added_to_those_of_the_study(tmp_path, capsys):
     assert len(data["sensors"]) == len(data["named_by_number"]) == 1
     assert data["named_by_number"][0] >= data["named_without"]
     assert ": 5 sensors, " in printed
-    assert f"as they were added (estimate): {100 * data['named_without']:.0f} % without; 1: " in printed
+    assert f"as they were added: {100 * data['named_without']:.0f} % without; 1: " in printed
+    assert "These shares are estimates from 24 lines" in printed
     assert main(["plan", str(study), "--choose", "2", "--add", "1"]) == 2
     assert "give one of them" in capsys.readouterr().err
 

@@ -92,7 +92,7 @@ def _axis(a: Axis, **more: Any) -> dict[str, Any]:
         out["exponentformat"] = "power"
     if a.ticks:
         names = [_plain(name) for name in a.ticks[1]]
-        out |= {"tickvals": list(a.ticks[0]), "ticktext": names, "ticks": ""}
+        out |= {"tickvals": list(a.ticks[0]), "ticktext": names, "ticks": "", "autotickangles": [0, 90]}
         if any("<br>" in name for name in names):
             out["tickangle"] = 0
     return out

@@ -867,9 +867,8 @@ class Search(Generic[P]):
         """
         wanted = [h for h in many if self._deserves_fit(h.key, h)]
         if wanted:
-            self.tell(
-                "fitting on all lines: " + "; ".join(labels(h.effects) or "nothing missing" for h in wanted)
-            )
+            names = dict.fromkeys(labels(h.effects) or "nothing missing" for h in wanted)
+            self.tell(f"fitting on all lines: {'; '.join(names)}")
         for fitted in self.workers.map(_fully, (self.fits, anew), wanted):
             self._keep(fitted)
         return [self.known[h.key] for h in many]
