@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viz import style
-from viz.axes import Band, digits_for
+from viz.axes import digits_for
 from viz.chart import Chart, Matrix, columns, rows
 from viz.layout import shorten
 
@@ -17,7 +17,7 @@ MOST_NUMBERS = (40, 12)
 def error_map(
     values_db: ArrayLike,
     sensors: Sequence[str],
-    bands: Sequence[Band | str],
+    bands: Sequence[tuple[float, float] | str],
     quantity: str = "error",
     unit: str = "dB",
     *,

@@ -16,8 +16,6 @@ from viz.curves import l_curve
 from viz.layout import shorten
 from viz.still import draw
 
-__all__ = ["plot_bootstrap", "plot_convergence", "plot_correlation", "plot_l_curve", "plot_parameters"]
-
 
 def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "") -> Figure:
     """Plot errors and parameters over the steps, stage by stage.
