@@ -60,8 +60,3 @@ def heat_map(
 def number(value: float, digits: int) -> str:
     """Return a number with a proper minus sign."""
     return f"{value:.{digits}f}".replace("-", "−")
-
-
-def digits_for(span: float) -> int:
-    """Return the digits after the point for numbers over a span."""
-    return 1 if span >= 2 else 2

@@ -297,7 +297,6 @@ def error_curves(
     *,
     floor: ArrayLike | None = None,
     held_out: Sequence[tuple[float, float]] = (),
-    title: str = "",
 ) -> Chart:
     """Describe the error of models over frequency, as :func:`frf_errors` gives it.
 
@@ -311,7 +310,6 @@ def error_curves(
         Relative error that noise alone would leave [dB].
     held_out : sequence of (low, high)
         Bands that were kept from the fit, shaded [Hz].
-    title : str
     """
     f = np.asarray(frequency, dtype=float)
     shown = [np.asarray(e, dtype=float) for e in errors.values()]
@@ -325,12 +323,10 @@ def error_curves(
         look: dict[str, Any] = {"name": label, "colour": colour, "dash": dash, "hover": "{y:.1f} dB"}
         marks.append(Curve(x=f, y=e, meta={"series": label, "quantity": "error"}, **look))
     y = Axis("relative error [dB]", (min(ends) - 4, max(ends) + 4))
-    return Chart(marks, frequency_axis(f), y, title, 320, (style.WIDTH, 2.9), compares=True)
+    return Chart(marks, frequency_axis(f), y, "", 320, (style.WIDTH, 2.9), compares=True)
 
 
-def l_curve(
-    x: Floats, y: Floats, marked: Mapping[str, int], labels: tuple[str, str], title: str = ""
-) -> Chart:
+def l_curve(x: Floats, y: Floats, marked: Mapping[str, int], labels: tuple[str, str]) -> Chart:
     """Describe an L-curve, a size over a misfit, with some of its points marked.
 
     Parameters
@@ -340,12 +336,11 @@ def l_curve(
         Points by their words.
     labels : (str, str)
         Of the axes.
-    title : str
     """
     marks = [Curve(x=x, y=y, dash="-", colour=style.FITTED)]
     for (words, k), colour in zip(marked.items(), (style.EFFECT, style.GREEN), strict=False):
         marks.append(Curve(x=[x[k]], y=[y[k]], symbol="o", colour=colour, name=words))
-    return Chart(marks, Axis(labels[0], log=True), Axis(labels[1], log=True), title, 380, (5.0, 3.8))
+    return Chart(marks, Axis(labels[0], log=True), Axis(labels[1], log=True), "", 380, (5.0, 3.8))
 
 
 def frf_errors(

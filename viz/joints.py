@@ -147,7 +147,7 @@ def plot_stiffness_laws(laws: Sequence[StiffnessLaw], title: str = "") -> Figure
     return figure
 
 
-def plot_l_curve(curve: RegularisationCurve, chosen: float | None = None, title: str = "") -> Figure:
+def plot_l_curve(curve: RegularisationCurve, chosen: float | None = None) -> Figure:
     """Plot residual against solution over the amount of regularisation, with its corner.
 
     Parameters
@@ -155,8 +155,6 @@ def plot_l_curve(curve: RegularisationCurve, chosen: float | None = None, title:
     curve : LCurve
     chosen : float, optional
         An amount to mark beside the corner [-].
-    title : str
-        Heading.
     """
     amounts = {"corner": curve.corner} | ({} if chosen is None else {"chosen": chosen})
     marked = {
@@ -164,7 +162,7 @@ def plot_l_curve(curve: RegularisationCurve, chosen: float | None = None, title:
         for word, amount in amounts.items()
     }
     labels = "residual ‖A X - B‖ / ‖B‖ [-]", "solution ‖X‖, relative [-]"
-    return draw(l_curve(curve.residual, curve.solution, marked, labels, title))
+    return draw(l_curve(curve.residual, curve.solution, marked, labels))
 
 
 def _draw(ax: Axes, f: NDArray[np.float64], y: NDArray[Any], k: int, label: str) -> None:

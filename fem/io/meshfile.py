@@ -152,10 +152,6 @@ def write_mesh(
         _write_by_meshio(mesh, file, *data)
 
 
-def _no_blanks(name: str) -> str:
-    return "_".join(name.split())
-
-
 def check_names(names: Iterable[str], file: str) -> None:
     """Refuse names that ``.inp`` and ``.msh`` files cannot have."""
     bad = next((name for name in names if '"' in name or "," in name or "\n" in name), None)
@@ -185,7 +181,9 @@ def _write_by_meshio(mesh: Mesh, file: Path, point_data: dict[str, Any], line_da
                 raise MeshError(msg)
     blanks = file.suffix.lower() != ".vtk"  # whose names have none
     if not blanks:
-        point_data, line_data = ({_no_blanks(k): v for k, v in d.items()} for d in (point_data, line_data))
+        point_data, line_data = (
+            {"_".join(k.split()): v for k, v in d.items()} for d in (point_data, line_data)
+        )
     cells = member_arrays(mesh, blanks) | line_data
     with quiet() as log, replacing(file) as scratch:
         import meshio

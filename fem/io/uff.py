@@ -160,7 +160,7 @@ class UffFile:
             f"{len(self.frfs)} FRF matrices" if self.frfs else "",
             *(
                 f"{sum(f.type_name == name for f in self.functions)} x {name}"
-                for name in self._function_names()
+                for name in dict.fromkeys(f.type_name for f in self.functions)
             ),
             f"{sum(m.n_modes for m in self.modes)} mode shapes" if self.modes else "",
             f"{self.points.labels.size} points" if self.points else "",
@@ -168,9 +168,6 @@ class UffFile:
             f"{len(self.elements)} elements" if self.elements else "",
         ]
         return ", ".join(part for part in parts if part) or "nothing that can be read"
-
-    def _function_names(self) -> list[str]:
-        return list(dict.fromkeys(f.type_name for f in self.functions))
 
     def mesh(self) -> Mesh:
         """Return the lines of the file as a mesh: its rods, beams and pipes, or else its trace lines.
