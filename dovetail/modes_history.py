@@ -14,9 +14,9 @@ from dovetail.report.table import Column, Table
 from dovetail.report.words import explanation_text
 from dovetail.result import diagnosis_dict
 from fem.summary import percent
-from updating.diagnosis.diagnosis import EFFECT, NOTHING
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.states import partners
+from updating.diagnosis.verdict import EFFECT, NOTHING
 from updating.inference.mode_targets import ModeTargets
 
 Floats = NDArray[np.float64]

@@ -326,23 +326,6 @@ def error_curves(
     return Chart(marks, frequency_axis(f), y, "", 320, (style.WIDTH, 2.9), compares=True)
 
 
-def l_curve(x: Floats, y: Floats, marked: Mapping[str, int], labels: tuple[str, str]) -> Chart:
-    """Describe an L-curve, a size over a misfit, with some of its points marked.
-
-    Parameters
-    ----------
-    x, y : ndarray (n,)
-    marked : mapping of str to int
-        Points by their words.
-    labels : (str, str)
-        Of the axes.
-    """
-    marks = [Curve(x=x, y=y, dash="-", colour=style.FITTED)]
-    for (words, k), colour in zip(marked.items(), (style.EFFECT, style.GREEN), strict=False):
-        marks.append(Curve(x=[x[k]], y=[y[k]], symbol="o", colour=colour, name=words))
-    return Chart(marks, Axis(labels[0], log=True), Axis(labels[1], log=True), "", 380, (5.0, 3.8))
-
-
 def frf_errors(
     measured: FRF,
     models: Mapping[str, FRF],

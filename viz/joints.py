@@ -1,4 +1,4 @@
-"""Pictures of joints: dynamic stiffness over frequency with confidence bands and laws, and L-curves."""
+"""Pictures of joints: dynamic stiffness over frequency with confidence bands and laws."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -10,11 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from joint.physics import StiffnessLaw
-from joint.substructuring import RegularisationCurve
 from viz import style
 from viz.axes import legend_above
-from viz.curves import l_curve
-from viz.still import draw
 
 _PARTS = ((np.real, "Re"), (np.imag, "Im"))
 
@@ -145,24 +142,6 @@ def plot_stiffness_laws(laws: Sequence[StiffnessLaw], title: str = "") -> Figure
             ax.set_xlabel("frequency [Hz]")
         legend_above(figure, title, axes[0, 0].get_legend_handles_labels()[0])
     return figure
-
-
-def plot_l_curve(curve: RegularisationCurve, chosen: float | None = None) -> Figure:
-    """Plot residual against solution over the amount of regularisation, with its corner.
-
-    Parameters
-    ----------
-    curve : LCurve
-    chosen : float, optional
-        An amount to mark beside the corner [-].
-    """
-    amounts = {"corner": curve.corner} | ({} if chosen is None else {"chosen": chosen})
-    marked = {
-        f"{word}: {amount:.1e}": int(np.argmin(np.abs(np.log(curve.amount / amount))))
-        for word, amount in amounts.items()
-    }
-    labels = "residual ‖A X - B‖ / ‖B‖ [-]", "solution ‖X‖, relative [-]"
-    return draw(l_curve(curve.residual, curve.solution, marked, labels))
 
 
 def _draw(ax: Axes, f: NDArray[np.float64], y: NDArray[Any], k: int, label: str) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of an updating: convergence, changes with their deviations, and the L-curve."""
+"""Pictures of an updating: convergence, and changes with their deviations."""
 
 from collections.abc import Sequence
 from itertools import cycle
@@ -9,11 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from updating.inference.regularisation import LCurve
 from updating.inference.updated import Updated
 from viz import style
 from viz.chart import Chart, Matrix, columns, rows
-from viz.curves import l_curve
 from viz.layout import shorten
 from viz.still import draw
 
@@ -146,19 +144,6 @@ def plot_correlation(updated: Updated) -> Figure:
     colours = colormaps["RdBu_r"]
     marks = [Matrix(cells=cells, colours=colours, limits=(-1.0, 1.0), label="correlation [-]")]
     return draw(Chart(marks, columns(names), rows(names), size=(size + 1.2, size)))
-
-
-def plot_l_curve(curve: LCurve) -> Figure:
-    """Plot misfit against the size of the solution, and mark the corner.
-
-    Parameters
-    ----------
-    curve : LCurve
-    """
-    word = "corner" if curve.distinct else "no distinct corner"
-    labels = "misfit ‖A x - b‖ [standard deviations]", "size ‖L x‖"
-    marked = {f"{word}: λ = {curve.chosen:.3g}": curve.corner}
-    return draw(l_curve(curve.misfit, curve.size, marked, labels))
 
 
 def plot_bootstrap(updated: Updated, values: NDArray[np.float64]) -> Figure:

@@ -64,7 +64,7 @@ def write_modes(
         return
     shapes = _rows(modes.shapes, mesh, "the mode shapes")
     if suffix in _UNIVERSAL:
-        from fem.io.uff import write_uff
+        from fem.io.uff_write import write_uff
 
         cut = Modes(modes.frequency, shapes, modes.zeta, (), modes.n_rigid)
         write_uff(path, modes=cut, mesh=mesh, modal_a=modal_a)

@@ -91,7 +91,8 @@ def read_mesh(
 
 
 def _universal(file: Path) -> RawMesh:
-    from fem.io.uff import UffError, read_quietly
+    from fem.io.uff import read_quietly
+    from fem.io.uff_format import UffError
 
     try:
         return read_quietly(file).raw_mesh()
@@ -144,7 +145,7 @@ def write_mesh(
         with replacing(file) as scratch:
             scratch.write_text(text, encoding="utf-8", newline="\n")
     elif suffix in _UNIVERSAL:
-        from fem.io.uff import write_uff
+        from fem.io.uff_write import write_uff
 
         write_uff(file, mesh=mesh)
     else:

@@ -17,27 +17,11 @@ from fem.analysis.modes import Modes
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh, mesh_of
 from fem.io.uff_elements import Elements, UffGroup
-from fem.io.uff_format import UffError, label_of, parse_label, split_blocks
+from fem.io.uff_format import UffError, split_blocks
 from fem.io.uff_mesh import raw_mesh_of
 from fem.io.uff_reader import FileReader
-from fem.io.uff_types import Function, Header, Points, TraceLine, UffElement, UffUnits
-from fem.io.uff_write import write_uff
+from fem.io.uff_types import Function, Header, Points, TraceLine, UffUnits
 from fem.mesh import Mesh
-
-__all__ = [
-    "Function",
-    "Header",
-    "Points",
-    "TraceLine",
-    "UffElement",
-    "UffError",
-    "UffFile",
-    "UffUnits",
-    "label_of",
-    "parse_label",
-    "read_uff",
-    "write_uff",
-]
 
 
 @dataclass(frozen=True, eq=False)
