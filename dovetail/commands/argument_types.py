@@ -4,6 +4,7 @@ import argparse
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, TypeVar
 
 from fem.model import DIRECTIONS
@@ -32,6 +33,19 @@ def integer_up_to(most: int, least: int = 1) -> Callable[[str], int]:
     """Return a reader of whole numbers up to a bound: more is a slip, and would take all memory."""
     needed = f"a whole number from {least} to {most}"
     return lambda text: _read(text, _whole, lambda n: least <= n <= most, needed)
+
+
+def add_number(p: argparse.ArgumentParser, words: str, most: int, default: int | None = None) -> None:
+    """Add how many are asked for, at most so many; the default follows the words."""
+    shown = words if default is None else f"{words} (default {default})"
+    p.add_argument("--number", type=integer_up_to(most), default=default, metavar="N", help=shown)
+
+
+def add_report_folder(p: argparse.ArgumentParser, files: str) -> None:
+    """Add the folder of a report with some files, and whether it may hold other ones."""
+    words = f"folder for {files}"
+    p.add_argument("--out", type=Path, required=True, metavar="DIR", help=words)
+    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
 
 
 def add_processes(p: argparse.ArgumentParser) -> None:
