@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF
+from fem.array_types import Floats
 from viz import still, style
 from viz.axes import number
 from viz.chart import Axis, Band, Chart, ChartMark, Curve, Panel, Span
-
-Floats = NDArray[np.float64]
 
 MAGNITUDE, PHASE, LOW, HIGH, COHERENCE = "magnitude", "phase", "low", "high", "coherence"
 """Quantities of a figure's marks: ``meta["quantity"]``, beside the curve's label ``meta["series"]``."""
@@ -332,7 +331,7 @@ def frf_errors(
     pairs: Sequence[tuple[str, str]] | None = None,
     floor: ArrayLike | None = None,
     smooth: int = 1,
-) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64] | None]:
+) -> tuple[dict[str, Floats], Floats | None]:
     """Return the error of models over frequency, 10 lg (Σ |H_model - H|² / Σ |H|²), summed over pairs.
 
     Strains count as much as motions: all values of either are divided by the root mean square over all lines.
@@ -397,7 +396,7 @@ def frf_pairs(
     return list(pairs)
 
 
-def _moving(values: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
+def _moving(values: Floats, lines: int) -> Floats:
     """Return the moving average over a number of lines."""
     if lines <= 1:
         return values

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.statics import StaticSolution
 from fem.analysis.stations import forces_on_lines, stresses_on_lines
+from fem.array_types import Floats
 from fem.elements.frame import Frame
 from fem.model import Model
 from viz import style
@@ -22,7 +23,6 @@ from viz.overlay import Bar, Label
 from viz.scene import Scene
 from viz.shapes import amplification
 from viz.surfaces import Surface
-from viz.triangles import Floats
 
 POSITIVE, NEGATIVE = "#2c7fb8", "#d95f0e"
 _PIECES = 24

@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats
 from fem.checks import Defect
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
@@ -45,7 +46,6 @@ from viz.shapes import (
     match_scale,
     real_shape,
 )
-from viz.triangles import Floats
 
 
 def render_model(

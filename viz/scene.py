@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
+from fem.array_types import Floats
 from fem.declarations import SUPPORT_MARKER
 from fem.model import Model
 from updating.measurement.measurement import Sensor
@@ -43,7 +44,6 @@ from viz.overlay import (
 from viz.shapes import Arrows, arrows, view_axes
 from viz.stage import Actor, Stage, View
 from viz.surfaces import Surface
-from viz.triangles import Floats
 
 DPI = 200
 """Resolution of the pictures [1/inch]."""

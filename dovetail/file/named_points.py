@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dovetail.file.sensor_table import UNIT_OF_HEADING, cell_rows
 from dovetail.file.table import StudyError
 from fem.io import UFF_SUFFIXES, read_uff
-from fem.io.array_types import is_number
+from fem.io.columns import is_number
 from fem.io.uff_format import UffError, parse_label
 from fem.io.uff_types import Points
 from updating.measurement.matching import SCALES

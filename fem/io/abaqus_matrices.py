@@ -17,8 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.io.array_types import is_number
-from fem.io.columns import cut_number
+from fem.io.columns import cut_number, is_number
 from fem.matrices import MatricesError
 from fem.model import lever_matrix
 

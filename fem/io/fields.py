@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats, Ints
 from fem.elements.frame import Frame
-from fem.io.array_types import Floats, Ints
 from fem.io.arrays import write_npz
 from fem.io.atomic import replacing
 from fem.io.faults import error_at, refuse

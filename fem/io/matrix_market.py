@@ -12,7 +12,8 @@ from typing import NoReturn
 import numpy as np
 import scipy.sparse as sp
 
-from fem.io.array_types import Floats, Ints, is_number
+from fem.array_types import Floats, Ints
+from fem.io.columns import is_number
 from fem.io.faults import refuse
 from fem.matrices import MatricesError
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.deck_nodes import all_matrices, bar_axes, directions_in, solved_equations, with_nodes, wrapped
 from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import BarProperty, Bars

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.modes import Modes
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Floats, Ints
 from fem.io.faults import refuse
 from fem.io.uff_format import UffBlock, UffError, label_of
 from fem.io.uff_numbers import integer, number_of, real, text_at, tokens

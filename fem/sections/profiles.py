@@ -6,10 +6,11 @@ from typing import Any, Self
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.materials import PropertyError
 from fem.sections.constants import SectionConstants
 from fem.sections.dimensions import check_positive, check_radius, checked_ratio, shape_fields
-from fem.sections.outlines import Fillet, Floats, integrate, turned, with_arcs
+from fem.sections.outlines import Fillet, integrate, turned, with_arcs
 from fem.sections.shear import cowper_rectangle
 from fem.sections.torsion import CROSSING, END_LOSS, corner, t_junction
 from fem.sections.walls import Walls, wall_constants
