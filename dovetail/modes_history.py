@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.file.contents import StudyContents
 from dovetail.file.table import StudyError
@@ -13,13 +12,12 @@ from dovetail.modes_pipeline import by_modes, diagnose_study_modes, targets_of
 from dovetail.report.table import Column, Table
 from dovetail.report.words import explanation_text
 from dovetail.result import diagnosis_dict
+from fem.array_types import Floats
 from fem.summary import percent
-from updating.diagnosis.diagnosis import EFFECT, NOTHING
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.states import partners
+from updating.diagnosis.verdict import EFFECT, NOTHING
 from updating.inference.mode_targets import ModeTargets
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

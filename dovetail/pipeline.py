@@ -41,7 +41,7 @@ from updating.correlation import compare, rms_db
 from updating.diagnosis.begin import begin
 from updating.diagnosis.carried import carried_over
 from updating.diagnosis.diagnose import diagnose
-from updating.diagnosis.diagnosis import FAULT, NOTHING, Diagnosis
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.budget import BUDGETS
 from updating.diagnosis.fitted_modes import modes_of, pair_modes
 from updating.diagnosis.frf_states import changed_frf_problem
@@ -49,7 +49,7 @@ from updating.diagnosis.localisation import locate
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.mode_table import ModeTable
 from updating.diagnosis.reported_modes import reported_modes
-from updating.diagnosis.verdict import Verdict
+from updating.diagnosis.verdict import FAULT, NOTHING, Verdict
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.form import with_form

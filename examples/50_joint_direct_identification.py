@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import joint
-from viz import plot_joint_stiffness, save
+from viz import plot_stiffness_entries, save
 
 frequency = np.linspace(20.0, 800.0, 40)  # Hz
 omega = 2 * np.pi * frequency[:, None, None]
@@ -45,10 +45,9 @@ found = joint.identify_joint(blocks, assembly.frequency, assembly.H_nn, basis=bo
 stiffness = np.real(found.z[found.regular]).mean(axis=0)  # 6x6, relative coordinates
 rebuilt = joint.couple(blocks, found.Z)
 
-hidden = np.diag(bolt.K + 1j * bolt.D)[:3]
-figure = plot_joint_stiffness(
-    frequency, found.z[:, :3, :3], ["x", "y", "z"], {"hidden": np.tile(hidden, (len(frequency), 1))}
-)
+hidden = np.tile((bolt.K + 1j * bolt.D)[:3, :3], (len(frequency), 1, 1))
+curves = {"identified": found.z[:, :3, :3], "hidden": hidden}
+figure = plot_stiffness_entries(frequency, curves, [(0, 0), (1, 1), (2, 2)], ["x", "y", "z"])
 print(f"picture in {save(figure, Path(tempfile.mkdtemp()) / 'stiffness.png')}")
 print(f"stiffness along z {stiffness[2, 2] / 1e6:.6f} kN/mm, hidden {bolt.K[2, 2] / 1e6:g} kN/mm")
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from fem.lengths import length_text
 
+StiffnessAt = Callable[[tuple[str, str]], float]
+"""The stiffness that the structure opposes to a released constraint, by its key [N/m, N·m/rad]."""
 Contains = Mapping[str, Callable[[Any], dict[str, float]]]
 """Kinds of effect, each with a function that returns its parameters, of an effect that contains it."""
 

@@ -24,6 +24,7 @@ from fem.declarations import (
     Role,
     SectionTolerance,
     Site,
+    StiffnessAt,
     Yardstick,
 )
 from fem.ground import MovingGround
@@ -363,7 +364,7 @@ class Effect(ABC):
         """
         return ()
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Return a grid of parameter values, one mapping for each point.
 
         An estimation starts at the best of them.
@@ -376,9 +377,7 @@ class Effect(ABC):
         """
         return (parameter_values(self),)
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return the value of the first parameter that a user calls relevant; None where none is stated.
 
         Parameters

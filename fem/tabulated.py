@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.model import Contribution, ParameterRef
-
-Floats = NDArray[np.float64]
 
 N_NODES = 28
 """Chebyshev nodes of a table. A stiffness 1/(a + b e^-s) has its poles π from the real axis of s: over ± 3.9
@@ -103,18 +102,18 @@ class TabulatedEffect:
         Parameters of other effects, elements that change with them, and number of the change.
     """
 
-    dofs: NDArray[np.int64]
-    entries: NDArray[np.int64]
+    dofs: Ints
+    entries: Ints
     loss: Floats
     along: ChebyshevTable
     plane: ChebyshevTable | None
     M: Mapping[str, Floats]
-    follows: tuple[tuple[ParameterRef, NDArray[np.int64], int], ...] = ()
+    follows: tuple[tuple[ParameterRef, Ints, int], ...] = ()
 
     @classmethod
     def of(
         cls,
-        dofs_of: NDArray[np.int64],
+        dofs_of: Ints,
         loss: Floats,
         stiffness: Callable[[float, float], Floats],
         masses: Mapping[str, Contribution],
@@ -194,7 +193,7 @@ class TabulatedEffect:
         return _assembled(n, self.entries, each), None if D is None else _assembled(n, self.entries, D)
 
 
-def _assembled(n: int, entries: NDArray[np.int64], matrices: Any) -> Floats:
+def _assembled(n: int, entries: Ints, matrices: Any) -> Floats:
     out = np.zeros((n, n))
     np.add.at(out, (entries[:, :, None], entries[:, None, :]), matrices)
     return out

@@ -56,10 +56,11 @@ if TYPE_CHECKING:
     from updating.diagnosis.candidates import propose
     from updating.diagnosis.diagnose import diagnose
     from updating.diagnosis.diagnose_modes import diagnose_modes
-    from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, Diagnosis
+    from updating.diagnosis.diagnosis import Diagnosis
     from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step
     from updating.diagnosis.localisation import Localisation, locate
     from updating.diagnosis.mode_diagnosis import ModeDiagnosis
+    from updating.diagnosis.verdict import EFFECT, FAULT, NOTHING, UNEXPLAINED
     from updating.inference.arrays import frf_data, mode_data
     from updating.inference.bootstrap import BootstrapModel, refit
     from updating.inference.fit import FitProblem

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from viz.heat_maps import error_map
     from viz.history import plot_history
     from viz.indicators import cmif, frac, nyquist, sensitivity
-    from viz.joints import plot_joint_stiffness, plot_stiffness_entries, plot_stiffness_laws
+    from viz.joints import plot_stiffness_entries, plot_stiffness_laws
     from viz.modal import plot_stabilisation, plot_synthesis
     from viz.models import displacement_at, member_families, model_surface
     from viz.plan import render_plan
@@ -75,7 +75,6 @@ __all__ = [
     "plot_frf",
     "plot_geometry_match",
     "plot_history",
-    "plot_joint_stiffness",
     "plot_mode_pairs",
     "plot_orthogonality",
     "plot_parameters",

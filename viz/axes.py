@@ -1,4 +1,4 @@
-"""Elements that figures share: legends, shaded bands, heat maps and numbers."""
+"""Elements that figures share: legends, heat maps and numbers."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,31 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from viz import style
-
-Band = tuple[float, float]
-"""Lowest and highest frequency [Hz]."""
-
-
-def shade(ax: Axes, bands: Sequence[Band]) -> None:
-    """Shade bands of frequency that were held out from the fit."""
-    for low, high in bands:
-        ax.axvspan(low, high, color=style.HELD_OUT, linewidth=0, zorder=0)
-
-
-def curve_keys(axes: Sequence[Axes], held_out: Sequence[Band] = (), *, floor: bool = False) -> list[Any]:
-    """Return the legend's keys of the curves, of bands held out and of the noise."""
-    keys = keys_of(*axes)
-    if held_out:
-        keys.append(
-            Patch(facecolor=style.HELD_OUT, edgecolor="#e6d9a8", linewidth=0.5, label="held out from the fit")
-        )
-    if floor:
-        keys.append(Patch(color=style.NOISE, label="below the noise, 1 σ"))
-    return keys
 
 
 def keys_of(*axes: Axes) -> list[Any]:
@@ -82,8 +60,3 @@ def heat_map(
 def number(value: float, digits: int) -> str:
     """Return a number with a proper minus sign."""
     return f"{value:.{digits}f}".replace("-", "−")
-
-
-def digits_for(span: float) -> int:
-    """Return the digits after the point for numbers over a span."""
-    return 1 if span >= 2 else 2

@@ -5,12 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from viz import style
 from viz.axes import legend_above
-
-Floats = NDArray[np.float64]
 
 
 def plot_bands(

@@ -26,9 +26,7 @@ from viz.shapes import view_axes
 from viz.still import draw
 
 
-def plot_coordinates(
-    values: Mapping[str, ArrayLike], names: Sequence[str], title: str = "", mark: int = 3
-) -> Figure:
+def plot_coordinates(values: Mapping[str, ArrayLike], names: Sequence[str], mark: int = 3) -> Figure:
     """Plot criteria over DOFs as bars, one panel each, with the worst DOFs coloured.
 
     Parameters
@@ -38,8 +36,6 @@ def plot_coordinates(
         for which large is bad; for others small is.
     names : sequence of n_dof str
         Names of the DOFs.
-    title : str
-        Heading.
     mark : int
         Number of worst DOFs that are coloured and named above their bars.
 
@@ -50,7 +46,7 @@ def plot_coordinates(
     """
     n = len(names)
     with style.look():
-        figure = style.new_figure(height=0.6 + 0.25 * bool(title) + 1.6 * len(values))
+        figure = style.new_figure(height=0.6 + 1.6 * len(values))
         axes = figure.subplots(len(values), 1, sharex=True, squeeze=False)[:, 0]
         for ax, (label, data) in zip(axes, values.items(), strict=True):
             v = np.asarray(data, dtype=float)
@@ -73,8 +69,6 @@ def plot_coordinates(
             np.arange(0, n, step), list(names)[::step], rotation=90 if n > 12 else 0, fontsize=7
         )
         axes[-1].set_xlim(-0.7, n - 0.3)
-        if title:
-            figure.suptitle(title, x=0.01, ha="left", fontsize=9.5, fontweight="bold")
     return figure
 
 
@@ -135,9 +129,7 @@ def plot_fdac(
     return figure
 
 
-def plot_signature(
-    frequency: ArrayLike, curves: Mapping[str, ArrayLike], modes: ArrayLike = (), title: str = ""
-) -> Figure:
+def plot_signature(frequency: ArrayLike, curves: Mapping[str, ArrayLike], modes: ArrayLike = ()) -> Figure:
     """Plot criteria over frequency, such as CSAC and CSF.
 
     Parameters
@@ -148,8 +140,6 @@ def plot_signature(
         By label, 0 to 1 [-]; the forces of one label are drawn alike.
     modes : array_like
         Measured natural frequencies, drawn as ticks [Hz].
-    title : str
-        Heading.
     """
     f, ticks = np.asarray(frequency, dtype=float), np.asarray(modes, dtype=float)
     marks = [
@@ -160,11 +150,11 @@ def plot_signature(
     if ticks.size:
         marks.append(Curve(x=ticks, y=np.full(ticks.size, 0.02), symbol="^", name="measured modes"))
     y = Axis("agreement [-]", (0, 1.03))
-    return draw(Chart(marks, frequency_axis(f), y, title, size=(style.WIDTH, 2.9)))
+    return draw(Chart(marks, frequency_axis(f), y, size=(style.WIDTH, 2.9)))
 
 
 def plot_agreement(
-    values: ArrayLike, row_names: Sequence[str], column_names: Sequence[str], label: str, title: str = ""
+    values: ArrayLike, row_names: Sequence[str], column_names: Sequence[str], label: str
 ) -> Figure:
     """Plot a matrix of values from 0 to 1 with its numbers: FRAC or SAC over sensors and forces.
 
@@ -175,8 +165,6 @@ def plot_agreement(
     row_names, column_names : sequence of str
     label : str
         Quantity of the colours, such as ``"SAC [-]"``.
-    title : str
-        Heading.
 
     Raises
     ------
@@ -184,7 +172,7 @@ def plot_agreement(
         If numbers differ.
     """
     v = np.array(values, dtype=float, ndmin=2)
-    return draw(_agreement(v, (row_names, column_names), ("", ""), label, title, 1.2 + 0.24 * len(v)))
+    return draw(_agreement(v, (row_names, column_names), ("", ""), label, 1.2 + 0.24 * len(v)))
 
 
 def plot_orthogonality(
@@ -192,7 +180,6 @@ def plot_orthogonality(
     labels: tuple[Sequence[str], Sequence[str]],
     names: tuple[str, str] = ("measured", "computed"),
     limit: float = 0.1,
-    title: str = "",
 ) -> Figure:
     """Plot a mass orthogonality (POC) as a matrix; entries off the diagonal and above the limit are framed.
 
@@ -206,8 +193,6 @@ def plot_orthogonality(
         Names of the rows and of the columns.
     limit : float
         Largest size off the diagonal; on it, pairs below 1 - limit are framed too [-].
-    title : str
-        Heading.
 
     Raises
     ------
@@ -215,7 +200,7 @@ def plot_orthogonality(
         If numbers differ.
     """
     v = np.abs(np.array(values, ndmin=2))
-    figure = draw(_agreement(v, labels, names, "size of φᵀMφ [-]", title, 1.4 + 0.3 * len(v)))
+    figure = draw(_agreement(v, labels, names, "size of φᵀMφ [-]", 1.4 + 0.3 * len(v)))
     on = np.eye(*v.shape, dtype=bool)
     for i, j in np.argwhere(np.where(on, v < 1 - limit, v > limit)):
         frame = Rectangle((j - 0.48, i - 0.48), 0.96, 0.96, fill=False, edgecolor=style.VERMILION)
@@ -223,9 +208,7 @@ def plot_orthogonality(
     return figure
 
 
-def band_error_map(
-    error: BandError, outputs: Sequence[str], what: str = "log_error", title: str = ""
-) -> Chart:
+def band_error_map(error: BandError, outputs: Sequence[str], what: str = "log_error") -> Chart:
     """Describe errors of FRFs by sensor and band as a heat map, summed over the forces.
 
     Parameters
@@ -235,8 +218,6 @@ def band_error_map(
         Names of the sensors.
     what : str
         ``"relative"``, ``"level_db"`` or ``"log_error"``, the methods of the error.
-    title : str
-        Heading.
 
     Raises
     ------
@@ -260,19 +241,15 @@ def band_error_map(
     bands = [f"{a:.4g} to {b:.4g} Hz" for a, b in zip(error.bands[:-1], error.bands[1:], strict=True)]
     top = max(float(np.nanmax(values)), 1e-12) if what != "level_db" and np.isfinite(values).any() else None
     limits = None if top is None else (0.0, top)
-    return error_map(values, outputs, bands, *labels[what], limits=limits, title=title)
+    return error_map(values, outputs, bands, *labels[what], limits=limits)
 
 
-def plot_mode_pairs(comparison: ModeComparison, title: str = "", band: float = 0.05) -> Figure:
+def plot_mode_pairs(comparison: ModeComparison) -> Figure:
     """Plot computed over measured natural frequencies of the pairs, and those that have no partner.
 
     Parameters
     ----------
     comparison : ModeComparison
-    title : str
-        Heading.
-    band : float
-        Relative error of the shaded band [-].
     """
     c = comparison
     fa = c.frequency_computed[sorted({j for _, j in c.pairs} | set(c.unpaired_computed))]
@@ -281,9 +258,7 @@ def plot_mode_pairs(comparison: ModeComparison, title: str = "", band: float = 0
         figure = style.new_figure(6.2, 4.6)
         ax = figure.add_subplot()
         x = np.array([0.0, high])
-        ax.fill_between(
-            x, x * (1 - band), x * (1 + band), color=style.NOISE, linewidth=0, label=f"± {100 * band:g} %"
-        )
+        ax.fill_between(x, 0.95 * x, 1.05 * x, color=style.NOISE, linewidth=0, label="± 5 %")
         ax.plot(x, x, color=style.MUTED, linewidth=0.8)
         for mixed, marker, word in ((False, "o", "pair of modes"), (True, "D", "close modes, as a subspace")):
             rows = [
@@ -327,7 +302,7 @@ def plot_mode_pairs(comparison: ModeComparison, title: str = "", band: float = 0
         ax.set_ylim(0, high)
         ax.set_xlabel("measured [Hz]")
         ax.set_ylabel("computed [Hz]")
-        legend_above(figure, title, ax.get_legend_handles_labels()[0])
+        legend_above(figure, "", ax.get_legend_handles_labels()[0])
     return figure
 
 
@@ -411,12 +386,9 @@ def plot_geometry_match(
         ax.set_aspect("equal", adjustable="datalim")
         ax.margins(0.06)
         ax.set_axis_off()
-        legend_above(figure, title or _sentence(match.describe()), ax.get_legend_handles_labels()[0])
+        words = match.describe()
+        legend_above(figure, title or words[:1].upper() + words[1:], ax.get_legend_handles_labels()[0])
     return figure
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _agreement(
@@ -424,7 +396,6 @@ def _agreement(
     labels: tuple[Sequence[str], Sequence[str]],
     names: tuple[str, str],
     label: str,
-    title: str,
     height: float,
 ) -> Chart:
     """Describe a matrix of values from 0 to 1, with its numbers while they fit."""
@@ -435,4 +406,4 @@ def _agreement(
     digits = 2 if max(v.shape) <= 12 else None
     cells = Matrix(cells=v, colours=style.agreement_map(), limits=(0.0, 1.0), label=label, digits=digits)
     size = float(np.clip(2.2 + 0.5 * m, 3.4, style.WIDTH)), float(np.clip(height, 2.2, 9))
-    return Chart([cells], columns(labels[1], names[1]), rows(labels[0], names[0]), title, size=size)
+    return Chart([cells], columns(labels[1], names[1]), rows(labels[0], names[0]), size=size)

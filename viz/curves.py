@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF
+from fem.array_types import Floats
 from viz import still, style
 from viz.axes import number
 from viz.chart import Axis, Band, Chart, ChartMark, Curve, Panel, Span
-
-Floats = NDArray[np.float64]
 
 MAGNITUDE, PHASE, LOW, HIGH, COHERENCE = "magnitude", "phase", "low", "high", "coherence"
 """Quantities of a figure's marks: ``meta["quantity"]``, beside the curve's label ``meta["series"]``."""
@@ -297,7 +296,6 @@ def error_curves(
     *,
     floor: ArrayLike | None = None,
     held_out: Sequence[tuple[float, float]] = (),
-    title: str = "",
 ) -> Chart:
     """Describe the error of models over frequency, as :func:`frf_errors` gives it.
 
@@ -311,7 +309,6 @@ def error_curves(
         Relative error that noise alone would leave [dB].
     held_out : sequence of (low, high)
         Bands that were kept from the fit, shaded [Hz].
-    title : str
     """
     f = np.asarray(frequency, dtype=float)
     shown = [np.asarray(e, dtype=float) for e in errors.values()]
@@ -325,27 +322,7 @@ def error_curves(
         look: dict[str, Any] = {"name": label, "colour": colour, "dash": dash, "hover": "{y:.1f} dB"}
         marks.append(Curve(x=f, y=e, meta={"series": label, "quantity": "error"}, **look))
     y = Axis("relative error [dB]", (min(ends) - 4, max(ends) + 4))
-    return Chart(marks, frequency_axis(f), y, title, 320, (style.WIDTH, 2.9), compares=True)
-
-
-def l_curve(
-    x: Floats, y: Floats, marked: Mapping[str, int], labels: tuple[str, str], title: str = ""
-) -> Chart:
-    """Describe an L-curve, a size over a misfit, with some of its points marked.
-
-    Parameters
-    ----------
-    x, y : ndarray (n,)
-    marked : mapping of str to int
-        Points by their words.
-    labels : (str, str)
-        Of the axes.
-    title : str
-    """
-    marks = [Curve(x=x, y=y, dash="-", colour=style.FITTED)]
-    for (words, k), colour in zip(marked.items(), (style.EFFECT, style.GREEN), strict=False):
-        marks.append(Curve(x=[x[k]], y=[y[k]], symbol="o", colour=colour, name=words))
-    return Chart(marks, Axis(labels[0], log=True), Axis(labels[1], log=True), title, 380, (5.0, 3.8))
+    return Chart(marks, frequency_axis(f), y, "", 320, (style.WIDTH, 2.9), compares=True)
 
 
 def frf_errors(
@@ -354,7 +331,7 @@ def frf_errors(
     pairs: Sequence[tuple[str, str]] | None = None,
     floor: ArrayLike | None = None,
     smooth: int = 1,
-) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.float64] | None]:
+) -> tuple[dict[str, Floats], Floats | None]:
     """Return the error of models over frequency, 10 lg (Σ |H_model - H|² / Σ |H|²), summed over pairs.
 
     Strains count as much as motions: all values of either are divided by the root mean square over all lines.
@@ -419,7 +396,7 @@ def frf_pairs(
     return list(pairs)
 
 
-def _moving(values: NDArray[np.float64], lines: int) -> NDArray[np.float64]:
+def _moving(values: Floats, lines: int) -> Floats:
     """Return the moving average over a number of lines."""
     if lines <= 1:
         return values

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.statics import StaticSolution
 from fem.analysis.stations import forces_on_lines, stresses_on_lines
+from fem.array_types import Floats
 from fem.elements.frame import Frame
 from fem.model import Model
 from viz import style
@@ -22,7 +23,6 @@ from viz.overlay import Bar, Label
 from viz.scene import Scene
 from viz.shapes import amplification
 from viz.surfaces import Surface
-from viz.triangles import Floats
 
 POSITIVE, NEGATIVE = "#2c7fb8", "#d95f0e"
 _PIECES = 24
@@ -57,9 +57,7 @@ _WORDS = {
 }
 
 
-def render_diagram(
-    solution: StaticSolution, quantity: str, path: str | Path, case: int = 0, title: str = ""
-) -> Path:
+def render_diagram(solution: StaticSolution, quantity: str, path: str | Path, case: int = 0) -> Path:
     """Draw the diagram of a section force on the structure.
 
     Parameters
@@ -71,8 +69,6 @@ def render_diagram(
         PNG file to write.
     case : int
         Column of the load case.
-    title : str
-        Heading; the quantity and the load case unless given.
 
     Raises
     ------
@@ -91,16 +87,14 @@ def render_diagram(
     unit = "N" if k < 3 else "N·m"
     heading = f"{_WORDS[quantity]} [{unit}], {solution.cases[case]}"
     axis, sense = _SIDES[quantity]
-    scene, (tips,) = _diagram(solution, title or heading[0].upper() + heading[1:], axis, sense, values)
+    scene, (tips,) = _diagram(solution, heading[0].upper() + heading[1:], axis, sense, values)
     _add_ribbons(scene, _base(solution, pieces), tips, values)
     _name_extremes(scene, solution, tips, values)
     scene.legend += [Patch(facecolor=POSITIVE, label="positive"), Patch(facecolor=NEGATIVE, label="negative")]
     return scene.save(path)
 
 
-def render_stress(
-    solution: StaticSolution, quantity: str, path: str | Path, case: int = 0, title: str = ""
-) -> Path:
+def render_stress(solution: StaticSolution, quantity: str, path: str | Path, case: int = 0) -> Path:
     """Draw the extremes of a stress over each section along the members, in colour.
 
     Parameters
@@ -113,8 +107,6 @@ def render_stress(
         PNG file to write.
     case : int
         Column of the load case.
-    title : str
-        Heading; the quantity and the load case unless given.
 
     Raises
     ------
@@ -137,7 +129,7 @@ def render_stress(
     factor, unit = (1e-6, "MPa") if largest >= 1e4 else (1.0, "Pa")
     curves = [factor * np.nan_to_num(c) for c in curves]
     heading = f"{words} [{unit}], {solution.cases[case]}"
-    scene, tips = _diagram(solution, title or heading[0].upper() + heading[1:], 1, 1.0, *curves)
+    scene, tips = _diagram(solution, heading[0].upper() + heading[1:], 1, 1.0, *curves)
     most = factor * largest or 1.0
     if quantity == "normal":
         bar = Bar(_NORMAL, Normalize(-most, most), f"normal stress [{unit}]")
@@ -220,7 +212,7 @@ def drawn_quantities(solution: StaticSolution, case: int) -> tuple[str, ...]:
     return tuple(q for q, yes in zip(SECTION_FORCES, kept.tolist(), strict=True) if yes)
 
 
-def render_deflection(solution: StaticSolution, path: str | Path, case: int = 0, title: str = "") -> Path:
+def render_deflection(solution: StaticSolution, path: str | Path, case: int = 0) -> Path:
     """Draw the structure under a load case, its displacements enlarged.
 
     Parameters
@@ -230,15 +222,11 @@ def render_deflection(solution: StaticSolution, path: str | Path, case: int = 0,
         PNG file to write.
     case : int
         Column of the load case.
-    title : str
-        Heading; the load case and the scale of displacements unless given.
     """
     surface = model_surface(solution.model, solution.displacements[:, case])
     scale = amplification(surface, drawn_size(solution.model))
     name = solution.cases[case]
-    scene = Scene(
-        surface.rest, surface.deformed(scale), title=title or f"Displacements × {scale:.3g}, {name}"
-    )
+    scene = Scene(surface.rest, surface.deformed(scale), title=f"Displacements × {scale:.3g}, {name}")
     scene.add_ghost(surface)
     _add_deformed(scene, surface, scale)
     scene.add_effects(_holders(solution.model))

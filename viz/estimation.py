@@ -9,8 +9,6 @@ from updating.measurement.frf_estimation import EstimatedFRF
 from viz.curves import frf, frf_pairs
 from viz.still import draw
 
-__all__ = ["plot_estimate"]
-
 
 def plot_estimate(
     estimate: EstimatedFRF, pairs: Sequence[tuple[str, str]] | None = None, title: str = ""

@@ -2,12 +2,10 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from viz import style
 from viz.axes import legend_above
-
-Floats = NDArray[np.float64]
 
 
 def plot_fleet(distance: Floats, rest: Floats, probability: Floats, n: int, title: str = "") -> Figure:

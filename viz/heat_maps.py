@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viz import style
-from viz.axes import Band, digits_for
 from viz.chart import Chart, Matrix, columns, rows
 from viz.layout import shorten
 
@@ -17,7 +16,7 @@ MOST_NUMBERS = (40, 12)
 def error_map(
     values_db: ArrayLike,
     sensors: Sequence[str],
-    bands: Sequence[Band | str],
+    bands: Sequence[tuple[float, float] | str],
     quantity: str = "error",
     unit: str = "dB",
     *,
@@ -60,7 +59,7 @@ def error_map(
         colours=style.misfit_map(),
         limits=(low, high if high > low else low + 1),
         label=f"{quantity} [{unit}]",
-        digits=digits_for(high - low) if n <= MOST_NUMBERS[0] and m <= MOST_NUMBERS[1] else None,
+        digits=(1 if high - low >= 2 else 2) if n <= MOST_NUMBERS[0] and m <= MOST_NUMBERS[1] else None,
         hover=[
             [
                 f"{s}, {word}{' Hz' * bool(hertz)}: "

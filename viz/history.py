@@ -19,7 +19,6 @@ def plot_history(
     shift: ArrayLike,
     std: ArrayLike,
     changes: Sequence[Sequence[tuple[str, float]]],
-    title: str = "",
 ) -> Figure:
     """Plot shifts of natural frequencies over the states, and below them the changes that explain each.
 
@@ -33,8 +32,6 @@ def plot_history(
         ln(f / f of the baseline) and its standard deviation; NaN where a state lacks a mode [-].
     changes : sequence of sequence of (str, float), (n_states,)
         For each state the changes since the baseline in words, with their probability [-].
-    title : str
-        Heading.
     """
     f, y, s = (np.asarray(a, dtype=float) for a in (frequency, shift, std))
     rows = list(dict.fromkeys(label for each in changes for label, _ in each))
@@ -80,5 +77,5 @@ def plot_history(
         low.set_ylim(len(rows) - 0.4 if rows else 0.5, -0.6)
         low.set_xticks(at, ["baseline", *names])
         low.set_xlim(-0.4, len(names) + 0.4)
-        legend_above(figure, title, top.get_legend_handles_labels()[0])
+        legend_above(figure, "", top.get_legend_handles_labels()[0])
     return figure

@@ -1,4 +1,4 @@
-"""Pictures of joints: dynamic stiffness over frequency with confidence bands and laws, and L-curves."""
+"""Pictures of joints: dynamic stiffness over frequency with confidence bands and laws."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -7,17 +7,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from joint.physics import StiffnessLaw
-from joint.substructuring import RegularisationCurve
 from viz import style
-from viz.axes import Band, curve_keys, legend_above, shade
-from viz.curves import l_curve
-from viz.still import draw
-
-__all__ = ["plot_joint_stiffness", "plot_l_curve", "plot_stiffness_entries", "plot_stiffness_laws"]
+from viz.axes import legend_above
 
 _PARTS = ((np.real, "Re"), (np.imag, "Im"))
 
@@ -150,26 +144,6 @@ def plot_stiffness_laws(laws: Sequence[StiffnessLaw], title: str = "") -> Figure
     return figure
 
 
-def plot_l_curve(curve: RegularisationCurve, chosen: float | None = None, title: str = "") -> Figure:
-    """Plot residual against solution over the amount of regularisation, with its corner.
-
-    Parameters
-    ----------
-    curve : LCurve
-    chosen : float, optional
-        An amount to mark beside the corner [-].
-    title : str
-        Heading.
-    """
-    amounts = {"corner": curve.corner} | ({} if chosen is None else {"chosen": chosen})
-    marked = {
-        f"{word}: {amount:.1e}": int(np.argmin(np.abs(np.log(curve.amount / amount))))
-        for word, amount in amounts.items()
-    }
-    labels = "residual ‖A X - B‖ / ‖B‖ [-]", "solution ‖X‖, relative [-]"
-    return draw(l_curve(curve.residual, curve.solution, marked, labels, title))
-
-
 def _draw(ax: Axes, f: NDArray[np.float64], y: NDArray[Any], k: int, label: str) -> None:
     if k == 0:
         ax.plot(f, y, ".", color=style.MEASURED, markersize=2.6, label=label, zorder=2)
@@ -191,100 +165,3 @@ def _limits(ax: Axes, curves: Sequence[NDArray[Any]], guide: NDArray[Any] | None
 def _unit(row: str, column: str) -> str:
     turn = [name.rpartition(":")[2].startswith("r") for name in (row, column)]
     return f"{'N·m' if turn[0] else 'N'}/{'rad' if turn[1] else 'm'}"
-
-
-def plot_joint_stiffness(
-    frequency: ArrayLike,
-    Z: ArrayLike,
-    names: Sequence[str],
-    models: Mapping[str, ArrayLike] | None = None,
-    held_out: Sequence[Band] = (),
-    title: str = "",
-) -> Figure:
-    """Plot real and imaginary part of the diagonal of a joint's dynamic stiffness Z_j(ω).
-
-    Parameters
-    ----------
-    frequency : array_like (n_freq,)
-        Frequencies [Hz].
-    Z : array_like (n_freq, n, n) or (n_freq, n)
-        Identified dynamic stiffness, or its diagonal [N/m or N·m/rad]; NaN where it was not identified.
-    names : sequence of str
-        Directions, such as ``"z"`` or ``"U11:rz"``; those that end in rx, ry, rz have the unit N·m/rad.
-    models : mapping of str to array_like, optional
-        Fitted models of the joint, of the shape of ``Z``, by label.
-    held_out : sequence of (low, high)
-        Bands that were kept from the fit, shaded [Hz].
-    title : str
-        Heading.
-    """
-    f = np.asarray(frequency, dtype=float)
-
-    def diagonal(values: ArrayLike) -> NDArray[Any]:
-        array = np.asarray(values)
-        array = np.einsum("fii->fi", array) if array.ndim == 3 else array
-        if array.shape != (f.size, len(names)):
-            msg = f"diag Z has shape {array.shape} for {f.size} frequencies and {len(names)} directions"
-            raise ValueError(msg)
-        return array
-
-    data = diagonal(Z)
-    curves = {label: diagonal(values) for label, values in (models or {}).items()}
-    n = len(names)
-    with style.look():
-        figure = style.new_figure(height=0.75 + (0.2 if title else 0) + max(1.45 * n, 1.9))
-        axes = figure.subplots(n, 2, sharex=True, squeeze=False)
-        for i, name in enumerate(names):
-            subscript = name.replace("_", r"\_").replace(" ", r"\ ")
-            unit = "N·m/rad" if name.lower()[-2:] in ("rx", "ry", "rz") else "N/m"
-            for ax, part, word in zip(axes[i], (np.real, np.imag), ("Re", "Im"), strict=True):
-                values = part(data[:, i])
-                fitted = [part(curve[:, i]) for curve in curves.values()]
-                factor, prefix = _prefix(
-                    np.concatenate([values, *fitted]) if not fitted else np.concatenate(fitted)
-                )
-                shade(ax, held_out)
-                ax.axhline(0, color=style.MUTED, linewidth=0.6)
-                ax.plot(
-                    f,
-                    values / factor,
-                    ".",
-                    color=style.MEASURED,
-                    markersize=2.2,
-                    label="identified",
-                    zorder=2,
-                )
-                for k, (label, curve) in enumerate(zip(curves, fitted, strict=True)):
-                    colour, line = style.model_style(label, k + 2)
-                    ax.plot(
-                        f, curve / factor, color=colour, linestyle=line, linewidth=1.5, label=label, zorder=3
-                    )
-                _robust_limits(ax, values / factor, [curve / factor for curve in fitted])
-                ax.set_ylabel(f"{word} $Z_{{\\mathrm{{{subscript}}}}}$ [{prefix}{unit}]")
-                ax.set_xlim(f[0], f[-1])
-        for ax in axes[-1]:
-            ax.set_xlabel("frequency [Hz]")
-        figure.align_ylabels()
-        legend_above(figure, title, curve_keys([axes[0, 0]], held_out))
-    return figure
-
-
-def _robust_limits(ax: Axes, data: NDArray[np.float64], fitted: Sequence[NDArray[np.float64]]) -> None:
-    """Show the fitted curves and the bulk of the identified values, but not every outlier."""
-    finite = data[np.isfinite(data)]
-    bulk = np.percentile(finite, [4, 96]) if finite.size else np.array([0.0, 1.0])
-    low = min([float(bulk[0]), 0.0, *(float(np.nanmin(c)) for c in fitted)])
-    high = max([float(bulk[1]), 0.0, *(float(np.nanmax(c)) for c in fitted)])
-    pad = 0.15 * max(high - low, 1e-12)
-    ax.set_ylim(low - pad, high + pad)
-    ax.yaxis.set_major_locator(MaxNLocator(4))
-
-
-def _prefix(values: NDArray[np.float64]) -> tuple[float, str]:
-    """Return the factor and the SI prefix of values."""
-    finite = np.abs(values[np.isfinite(values)])
-    size = float(np.percentile(finite, 90)) if finite.size else 1.0
-    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
-        if size >= factor:
-            return factor, prefix
-    return 1.0, ""

@@ -4,8 +4,8 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from viz.shapes import Arrows, arrow_triangles
-from viz.triangles import Floats
 
 
 def polydata(vertices: Floats, triangles: NDArray[np.int64]) -> pv.PolyData:

@@ -1,6 +1,7 @@
 """Pictures of an identification of modes: indicators over the poles, and synthesised over measured FRFs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +16,7 @@ from viz.axes import keys_of, legend_above
 from viz.curves import frf, frf_pairs
 from viz.still import draw
 
-__all__ = ["plot_stabilisation", "plot_synthesis"]
+Cloud = tuple[NDArray[np.bool_], str, str, str, str]
 
 
 def plot_stabilisation(measured: FRF, identified: IdentifiedModes, title: str = "") -> Figure:
@@ -31,22 +32,61 @@ def plot_stabilisation(measured: FRF, identified: IdentifiedModes, title: str = 
     title : str
         Heading.
     """
+    s = identified.stabilisation
+    clouds: list[Cloud] = [
+        (~s.stable_frequency, "new", "x", style.GREY, style.GREY),
+        (s.stable_frequency & ~s.stable, "frequency stable", "o", style.ORANGE, "none"),
+        (s.stable, "frequency, damping and participation stable", "o", style.BLUE, style.BLUE),
+    ]
     low, high = identified.synthesised.frequency[[0, -1]]
+
+    def draw_above(top: Axes, below: Axes) -> None:
+        _indicators(top, measured, identified)
+        below.set_ylabel("order of the denominator")
+
+    return over_poles(draw_above, s, clouds, identified.modes.frequency, (low, high), title)
+
+
+def over_poles(
+    draw_above: Callable[[Axes, Axes], None],
+    s: Any,
+    clouds: Sequence[Cloud],
+    modes: NDArray[np.float64],
+    limits: tuple[float, float],
+    title: str,
+) -> Figure:
+    """Plot what identifies modes over frequency, and below it the poles of all orders, both with the modes.
+
+    Parameters
+    ----------
+    draw_above : callable
+        Draws on the upper axes, and what the lower ones have beside poles.
+    s : Stabilisation or SubspacePoles
+        The poles: their ``frequency`` [Hz] and ``order``, and all ``orders``.
+    clouds : sequence of Cloud
+        Poles that are drawn alike: which, name, symbol, colour, and colour within the symbol.
+    modes : ndarray (n_modes,)
+        Natural frequencies [Hz].
+    limits : (float, float)
+        Of the frequencies [Hz].
+    title : str
+        Heading.
+    """
     with style.look():
         figure = style.new_figure(height=5.8 + 0.25 * bool(title))
-        grid = figure.add_gridspec(2, 1, height_ratios=[1, 1.1])
-        top = figure.add_subplot(grid[0])
-        bottom = figure.add_subplot(grid[1], sharex=top)
-        _indicators(top, measured, identified)
-        _poles(bottom, identified)
-        for ax in (top, bottom):
-            for k, f in enumerate(identified.modes.frequency):
+        top, below = figure.subplots(2, 1, sharex=True)
+        draw_above(top, below)
+        for rows, label, marker, colour, face in clouds:
+            look = {"color": colour, "markerfacecolor": face, "markersize": 3, "label": label}
+            below.plot(s.frequency[rows], s.order[rows], linestyle="none", marker=marker, **look)
+        for ax in (top, below):
+            for k, f in enumerate(modes):
                 label = "mode" if k == 0 else "_"
                 ax.axvline(f, color=style.VERMILION, linewidth=0.9, label=label, zorder=0.5)
-        top.set_xlim(low, high)
-        top.tick_params(labelbottom=False)
-        bottom.set_xlabel("frequency [Hz]")
-        legend_above(figure, title, keys_of(top, bottom))
+        top.set_xlim(limits)
+        below.set_ylim(s.orders[0] - 1, s.orders[-1] + 1)
+        below.set_xlabel("frequency [Hz]")
+        legend_above(figure, title, keys_of(top, below))
     return figure
 
 
@@ -85,29 +125,6 @@ def _indicators(ax: Axes, measured: FRF, identified: IdentifiedModes) -> None:
     # Range of the mode indicator that is drawn: the residual of exact data is rounding [dB]
     ax.set_ylim(max(floor, float(of_data.max()) - 120.0) - 3, float(of_data.max()) + 4)
     ax.set_ylabel("mode indicator [dB]")
-
-
-def _poles(ax: Axes, identified: IdentifiedModes) -> None:
-    """Draw the poles of all orders by what is stable in them."""
-    s = identified.stabilisation
-    partly = s.stable_frequency & ~s.stable
-    for rows, label, marker, colour, face in (
-        (~s.stable_frequency, "new", "x", style.GREY, style.GREY),
-        (partly, "frequency stable", "o", style.ORANGE, "none"),
-        (s.stable, "frequency, damping and participation stable", "o", style.BLUE, style.BLUE),
-    ):
-        ax.plot(
-            s.frequency[rows],
-            s.order[rows],
-            linestyle="none",
-            marker=marker,
-            markersize=3,
-            color=colour,
-            markerfacecolor=face,
-            label=label,
-        )
-    ax.set_ylim(s.orders[0] - 1, s.orders[-1] + 1)
-    ax.set_ylabel("order of the denominator")
 
 
 def plot_synthesis(

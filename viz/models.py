@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Floats
 from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.elements.part_faces import PartFaces
 from fem.model import Model
 from viz.surfaces import Surface, extrude, joined
-from viz.triangles import Floats, Outlines, circle_of_area
+from viz.triangles import Outlines, circle_of_area
 
 
 def frame_of(model: Model) -> Frame:

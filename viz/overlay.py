@@ -14,11 +14,11 @@ from matplotlib.markers import MarkerStyle
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Floats
 from viz import style
 from viz.layout import place_labels
 from viz.shapes import Arrows
 from viz.stage import View
-from viz.triangles import Floats
 
 
 class Mark(NamedTuple):

@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats
 from fem.checks import Defect
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
@@ -45,7 +46,6 @@ from viz.shapes import (
     match_scale,
     real_shape,
 )
-from viz.triangles import Floats
 
 
 def render_model(
@@ -227,9 +227,7 @@ FAULT_COLOURS = (style.VERMILION, style.BLUE, style.PURPLE, style.GREEN, style.O
 """Colours of the kinds of fault in a picture, in order."""
 
 
-def render_faults(
-    model: Model | Mesh, faults: Sequence[Defect], path: str | Path, motion: int = 0, title: str = ""
-) -> Path:
+def render_faults(model: Model | Mesh, faults: Sequence[Defect], path: str | Path) -> Path:
     """Draw the faults of a mesh or model, and the motion of a mechanism.
 
     Faulty lines are coloured; faulty points are ringed and named. Where there is a mechanism, a ghost of the
@@ -243,21 +241,17 @@ def render_faults(
         As :func:`fem.checks.check_model` gives them.
     path : str or Path
         PNG file to write.
-    motion : int
-        Which of a mechanism's motions, counted from 0.
-    title : str
-        Heading; the number of faults of each kind unless given.
     """
     drawn = _with_sections(model)
     surface, mesh = model_surface(drawn), drawn.mesh
-    motions = next((f.motions for f in faults if f.motions.shape[1] > motion), np.zeros((0, 0)))
-    ghost = model_surface(drawn, motions[:, motion]) if motions.size else surface
+    motions = next((f.motions for f in faults if f.motions.size), np.zeros((0, 0)))
+    ghost = model_surface(drawn, motions[:, 0]) if motions.size else surface
     moved = ghost.deformed(amplification(ghost, drawn_size(drawn), 0.15))
     kinds = list(dict.fromkeys(fault.kind for fault in faults))
     words = ", ".join(f"{sum(f.kind == kind for f in faults)} x {kind}" for kind in kinds) or "no fault"
     if motions.shape[1] > 1:
-        words += f" (motion {motion + 1} of {motions.shape[1]})"
-    scene = Scene(surface.rest, moved, title=title or words[0].upper() + words[1:])
+        words += f" (motion 1 of {motions.shape[1]})"
+    scene = Scene(surface.rest, moved, title=words[0].upper() + words[1:])
     colour = {kind: FAULT_COLOURS[k % len(FAULT_COLOURS)] for k, kind in enumerate(kinds)}
     rgb = np.tile(to_rgb("#d3d8de"), (len(surface.triangles), 1))
     for fault in reversed(faults):

@@ -18,7 +18,7 @@ _DEEPEST = 1e-8
 """Least value of a logarithmic axis, relative to the largest: responses that are rounding lie below [-]."""
 
 
-def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False, title: str = "") -> Figure:
+def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False) -> Figure:
     """Plot the amplitudes of responses to a motion of the base, one panel for each motion.
 
     Parameters
@@ -29,8 +29,6 @@ def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False, ti
         What responds: ``"displacement"``, ``"velocity"`` or ``"acceleration"``.
     relative : bool
         Whether responses are relative to the base.
-    title : str
-        Heading.
     """
     unit = {"displacement": "m/m", "velocity": "(m/s)/m", "acceleration": "(m/s²)/m"}[response]
     panels = []
@@ -40,7 +38,7 @@ def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False, ti
         limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
         label = f"{'relative ' * relative}{response} [{unit}]\n{motion}"
         panels.append(Panel(_curves(frf.frequency, sizes, frf.outputs), Axis(label, limits, log=True), 1.0))
-    return _stacked(panels, frequency_axis(frf.frequency), _heading(title, len(frf.outputs)))
+    return _stacked(panels, frequency_axis(frf.frequency), _heading("", len(frf.outputs)))
 
 
 def plot_histories(

@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
+from fem.array_types import Floats
 from fem.declarations import SUPPORT_MARKER
 from fem.model import Model
 from updating.measurement.measurement import Sensor
@@ -43,7 +44,6 @@ from viz.overlay import (
 from viz.shapes import Arrows, arrows, view_axes
 from viz.stage import Actor, Stage, View
 from viz.surfaces import Surface
-from viz.triangles import Floats
 
 DPI = 200
 """Resolution of the pictures [1/inch]."""
@@ -208,15 +208,12 @@ class Scene:
         low, high = at.min(axis=0), at.max(axis=0)
         centre, extent = (low + high) / 2, np.maximum((high - low)[:2], 1e-9)
         side, above = (0.55, 0.3) if self.labels else (0.25, 0.2)
-        inches = self._picture_width()
+        inches = self.width - 0.85 * len(self.bars)
         tallest = 0.8 * self.width
         scale = max(extent[0] / (inches - 2 * side), extent[1] / (tallest - 2 * above))
         height = max(extent[1] / scale + 2 * above, 1.7 if self.bars else 0.9)
         pixels = (round(inches * self.dpi), round(height * self.dpi))
         return View(self.axes, centre @ self.axes, inches * scale, height * scale, pixels)
-
-    def _picture_width(self) -> float:
-        return self.width - 0.85 * len(self.bars)
 
     def _legend_columns(self) -> int:
         longest = max((len(str(key.get_label())) for key in self.legend), default=1)

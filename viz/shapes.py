@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fem.array_types import Floats, Ints
 from viz.surfaces import Surface
-from viz.triangles import Floats, Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import ArrayLike, NDArray
 
-from viz.triangles import Floats
+from fem.array_types import Floats
 
 Actor = tuple[pv.PolyData, dict[str, Any]]
 """A mesh and PyVista's options for it."""

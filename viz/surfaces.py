@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viz.triangles import Floats, Ints, Outlines, anticlockwise, triangulate
+from fem.array_types import Floats, Ints
+from viz.triangles import Outlines, anticlockwise, triangulate
 
 
 @dataclass(frozen=True, slots=True, eq=False)

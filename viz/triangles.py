@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Outlines = Sequence[NDArray[np.float64]]
+from fem.array_types import Floats, Ints
+
+Outlines = Sequence[Floats]
 """Closed polygons (n, 2) in a section's (y, z) plane, the outer first, then holes [m]."""
 
 
@@ -47,7 +46,7 @@ def triangulate(loops: Outlines) -> Ints:
     return np.array(triangles, dtype=np.int64)
 
 
-def anticlockwise(loop: NDArray[np.float64], *, hole: bool) -> Floats:
+def anticlockwise(loop: Floats, *, hole: bool) -> Floats:
     """Return an outer polygon anticlockwise, a hole clockwise."""
     loop = np.asarray(loop, dtype=float)
     y, z = loop[:, 0], loop[:, 1]

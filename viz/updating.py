@@ -1,6 +1,7 @@
-"""Pictures of an updating: convergence, changes with their deviations, and the L-curve."""
+"""Pictures of an updating: convergence, and changes with their deviations."""
 
 from collections.abc import Sequence
+from itertools import cycle
 
 import numpy as np
 from matplotlib import colormaps
@@ -8,18 +9,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from updating.inference.regularisation import LCurve
 from updating.inference.updated import Updated
 from viz import style
 from viz.chart import Chart, Matrix, columns, rows
-from viz.curves import l_curve
 from viz.layout import shorten
 from viz.still import draw
 
-__all__ = ["plot_bootstrap", "plot_convergence", "plot_correlation", "plot_l_curve", "plot_parameters"]
 
-
-def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "") -> Figure:
+def plot_convergence(updated: Updated, names: Sequence[str] = ()) -> Figure:
     """Plot errors and parameters over the steps, stage by stage.
 
     Parameters
@@ -27,8 +24,6 @@ def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "
     updated : Updated
     names : sequence of str
         Parameters to draw; the first seven, without damping ratios, unless given.
-    title : str
-        Heading.
 
     Raises
     ------
@@ -55,7 +50,7 @@ def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "
         values = np.array([s.values for s in updated.path])[:, rows]
         start = np.array([p.start for p in parameters])
         change = 100 * np.where(start != 0, values / np.where(start != 0, start, 1.0) - 1, values)
-        for k, (p, colour) in enumerate(zip(parameters, _cycle(len(parameters)), strict=True)):
+        for k, (p, colour) in enumerate(zip(parameters, cycle(style.SERIES), strict=False)):
             unit = 100 / abs(p.start) if p.start else 100.0
             below.plot(steps, change[:, k], ".-", color=colour, label=shorten(p.name, 28))
             if np.isfinite(p.std):
@@ -82,8 +77,6 @@ def plot_convergence(updated: Updated, names: Sequence[str] = (), title: str = "
                     va="bottom",
                     color=style.MUTED,
                 )
-        if title:
-            figure.suptitle(title)
     return figure
 
 
@@ -139,42 +132,21 @@ def plot_parameters(updated: Updated, title: str = "") -> Figure:
     return figure
 
 
-def plot_correlation(updated: Updated, title: str = "") -> Figure:
+def plot_correlation(updated: Updated) -> Figure:
     """Draw the correlations of the estimates: near ±1 only a combination is known.
 
     Parameters
     ----------
     updated : Updated
-    title : str
-        Heading.
     """
     names = [shorten(name, 24) for name in updated.names]
     cells, size = np.asarray(updated.correlation), 1.8 + 0.28 * len(names)
     colours = colormaps["RdBu_r"]
     marks = [Matrix(cells=cells, colours=colours, limits=(-1.0, 1.0), label="correlation [-]")]
-    return draw(Chart(marks, columns(names), rows(names), title, size=(size + 1.2, size)))
+    return draw(Chart(marks, columns(names), rows(names), size=(size + 1.2, size)))
 
 
-def plot_l_curve(curve: LCurve, title: str = "") -> Figure:
-    """Plot misfit against the size of the solution, and mark the corner.
-
-    Parameters
-    ----------
-    curve : LCurve
-    title : str
-        Heading.
-    """
-    word = "corner" if curve.distinct else "no distinct corner"
-    labels = "misfit ‖A x - b‖ [standard deviations]", "size ‖L x‖"
-    marked = {f"{word}: λ = {curve.chosen:.3g}": curve.corner}
-    return draw(l_curve(curve.misfit, curve.size, marked, labels, title))
-
-
-def _cycle(n: int) -> list[str]:
-    return [style.SERIES[k % len(style.SERIES)] for k in range(n)]
-
-
-def plot_bootstrap(updated: Updated, values: NDArray[np.float64], title: str = "") -> Figure:
+def plot_bootstrap(updated: Updated, values: NDArray[np.float64]) -> Figure:
     """Draw the 5 to 95 % range of refits of each parameter with the linearised interval.
 
     Both are relative to the fitted value; of parameters fitted to zero, in their unit.
@@ -184,8 +156,6 @@ def plot_bootstrap(updated: Updated, values: NDArray[np.float64], title: str = "
     updated : Updated
     values : ndarray (n, n_par)
         Of all parameters, of each refit [units].
-    title : str
-        Heading.
     """
     parameters = updated.parameters
     with style.look():
@@ -208,6 +178,4 @@ def plot_bootstrap(updated: Updated, values: NDArray[np.float64], title: str = "
             for colour, label in ((style.BLUE, "linearised, 90 %"), (style.VERMILION, "refits, 5 to 95 %"))
         ]
         ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0))
-        if title:
-            figure.suptitle(title)
     return figure

@@ -1,23 +1,51 @@
 """Readers of numbers on the command line."""
 
 import argparse
+import math
 from collections.abc import Callable
-from typing import Any
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar
 
 from fem.model import DIRECTIONS
+
+N = TypeVar("N", int, float)
+
+
+def _read(text: str, convert: Callable[[str], N], is_allowed: Callable[[N], bool], needed: str) -> N:
+    """Read a number; refuse what is none, or not allowed, with the words of what is needed."""
+    with suppress(ValueError):
+        value = convert(text)
+        if is_allowed(value):
+            return value
+    msg = f"'{text}' is not allowed; {needed} is needed"
+    raise argparse.ArgumentTypeError(msg)
+
+
+def _whole(text: str) -> int:
+    """Read a whole number in digits alone; Python's own reader would take ``1_000`` and ``+1``."""
+    if not text.isdecimal() or len(text) > 1000:
+        raise ValueError(text)
+    return int(text)
 
 
 def integer_up_to(most: int, least: int = 1) -> Callable[[str], int]:
     """Return a reader of whole numbers up to a bound: more is a slip, and would take all memory."""
+    needed = f"a whole number from {least} to {most}"
+    return lambda text: _read(text, _whole, lambda n: least <= n <= most, needed)
 
-    def read(text: str) -> int:
-        value = int(text) if text.isdecimal() and len(text) < 20 else -1
-        if not least <= value <= most:
-            msg = f"'{text}' is not allowed; a whole number from {least} to {most} is needed"
-            raise argparse.ArgumentTypeError(msg)
-        return value
 
-    return read
+def add_number(p: argparse.ArgumentParser, words: str, most: int, default: int | None = None) -> None:
+    """Add how many are asked for, at most so many; the default follows the words."""
+    shown = words if default is None else f"{words} (default {default})"
+    p.add_argument("--number", type=integer_up_to(most), default=default, metavar="N", help=shown)
+
+
+def add_report_folder(p: argparse.ArgumentParser, files: str) -> None:
+    """Add the folder of a report with some files, and whether it may hold other ones."""
+    words = f"folder for {files}"
+    p.add_argument("--out", type=Path, required=True, metavar="DIR", help=words)
+    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
 
 
 def add_processes(p: argparse.ArgumentParser) -> None:
@@ -69,19 +97,12 @@ def add_placing(p: argparse.ArgumentParser, where: str) -> None:
 
 def count(text: str) -> int:
     """Read a whole number of at least 1."""
-    value = int(text) if text.isdecimal() and len(text) < 20 else 0
-    if value < 1:
-        msg = f"'{text}' is not allowed; a whole number of at least 1 is needed"
-        raise argparse.ArgumentTypeError(msg)
-    return value
+    return _read(text, _whole, lambda n: n >= 1, "a whole number of at least 1")
 
 
 def natural(text: str) -> int:
     """Read a whole number of at least 0."""
-    if not text.isdecimal() or len(text) > 1000:
-        msg = f"'{text}' is not allowed; a whole number of at least 0 is needed"
-        raise argparse.ArgumentTypeError(msg)
-    return int(text)
+    return _read(text, _whole, lambda n: True, "a whole number of at least 0")
 
 
 def not_negative(text: str) -> float:
@@ -91,30 +112,12 @@ def not_negative(text: str) -> float:
 
 def number_up_to(most: float) -> Callable[[str], float]:
     """Return a reader of numbers from 0 to the given one."""
-
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = -1.0
-        if not 0 <= value <= most:
-            msg = f"'{text}' is not allowed; a number from 0 to {most:g} is needed"
-            raise argparse.ArgumentTypeError(msg)
-        return value
-
-    return read
+    return lambda text: _read(text, float, lambda x: 0 <= x <= most, f"a number from 0 to {most:g}")
 
 
 def positive(text: str) -> float:
     """Read a positive number."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < float("inf"):
-        msg = f"'{text}' is not allowed; a positive number is needed"
-        raise argparse.ArgumentTypeError(msg)
-    return value
+    return _read(text, float, lambda x: 0 < x < math.inf, "a positive number")
 
 
 def share(text: str) -> float:
@@ -130,14 +133,7 @@ def share(text: str) -> float:
 
 def finite(text: str) -> float:
     """Read a finite number of either sign."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not abs(value) < float("inf"):
-        msg = f"'{text}' is not allowed; a number is needed"
-        raise argparse.ArgumentTypeError(msg)
-    return value
+    return _read(text, float, math.isfinite, "a number")
 
 
 def speed_range(text: str) -> tuple[float, float, int]:

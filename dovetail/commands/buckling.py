@@ -3,7 +3,7 @@
 import argparse
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import integer_up_to
+from dovetail.commands.argument_types import add_number
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.load_cases import solved_case
 from dovetail.commands.results import Results, write_motions
@@ -24,9 +24,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="the load case or combination that grows (needed where the study has several)",
     )
-    p.add_argument(
-        "--number", type=integer_up_to(1000), default=5, metavar="N", help="number of factors (default 5)"
-    )
+    add_number(p, "number of factors", 1000, 5)
     p.add_argument(
         "--sign",
         choices=SIGNS,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import integer_up_to, positive
+from dovetail.commands.argument_types import add_number, positive
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import NO_WHIRL, add_speeds
@@ -36,13 +36,7 @@ NULLS = {
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     add_speeds(p)
-    p.add_argument(
-        "--number",
-        type=integer_up_to(200),
-        default=8,
-        metavar="N",
-        help="number of modes: those that are among the N slowest at some speed (default 8)",
-    )
+    add_number(p, "number of modes: those that are among the N slowest at some speed", 200, 8)
     p.add_argument(
         "--order",
         type=positive,

@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import integer_up_to
+from dovetail.commands.argument_types import add_number
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh
 from dovetail.commands.results import MOTION_FORMATS, Results
 from dovetail.commands.speed import NO_WHIRL, add_rpm, at_asked_speed
@@ -28,13 +28,7 @@ RESULTS = Results(
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--number",
-        type=integer_up_to(1000),
-        default=10,
-        metavar="N",
-        help="number of modes, without rigid-body modes; overdamped ones count (default 10)",
-    )
+    add_number(p, "number of modes, without rigid-body modes; overdamped ones count", 1000, 10)
     add_rpm(p)
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import integer_up_to, number_up_to, positive, values_by_name
@@ -16,6 +15,7 @@ from dovetail.commands.results import Results, Written
 from dovetail.disk.output import OutputError, Progress
 from dovetail.report.table import Column, Table
 from fem.analysis.frf import TRANSMISSIBILITY, FRFKind
+from fem.array_types import Floats
 from fem.io.atomic import replacing
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ RESULTS = Results(
     more=(Written("--out", "file to write", (".npz", ".uff", ".unv"), required=True),),
     read={"records": "a record of time data"},
 )
-Floats = NDArray[np.float64]
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:

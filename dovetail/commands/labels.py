@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dovetail.disk.output import OutputError
 from dovetail.file.contents import StudyContents
-from fem.io.uff import UffError, label_of, parse_label
+from fem.io.uff_format import UffError, label_of, parse_label
 from fem.io.uff_types import Points, TraceLine
 from fem.mesh import Mesh
 from updating.measurement.measurement import Sensor, sensor_point

@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import integer_up_to, positive
+from dovetail.commands.argument_types import add_number, positive
 from dovetail.commands.common import Options, assumptions, loaded, notes_of_mesh, warn
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress, result_folder
@@ -21,12 +21,7 @@ RESULTS = Results(motions="the mode shapes", pictures=("each elastic mode", "mod
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--number",
-        type=integer_up_to(100_000),
-        metavar="N",
-        help="number of modes, without rigid-body modes (default 10)",
-    )
+    add_number(p, "number of modes, without rigid-body modes (default 10)", 100_000)
     p.add_argument("--max", type=positive, metavar="HZ", help="all modes up to this frequency instead")
 
 

@@ -1,10 +1,9 @@
 """``dovetail run``: compare, diagnose, locate and report."""
 
 import argparse
-from pathlib import Path
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import add_processes
+from dovetail.commands.argument_types import add_processes, add_report_folder
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.diagnosis_words import diagnosis_lines
 from dovetail.disk.output import Output, Progress
@@ -14,14 +13,7 @@ EXAMPLE = "dovetail run study.toml --out out/report"
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="DIR",
-        help="folder for report.html, result.json, frf.npz and pictures/",
-    )
-    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+    add_report_folder(p, "report.html, result.json, frf.npz and pictures/")
     add_processes(p)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import integer_up_to, number_up_to, positive
+from dovetail.commands.argument_types import add_number, number_up_to, positive
 from dovetail.commands.common import Options, assumptions, loaded, without_rounding
 from dovetail.commands.excitations import BASE
 from dovetail.commands.load_cases import table_of_reactions
@@ -58,7 +58,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--combine", choices=COMBINATIONS, default="cqc", help="how peaks of modes are combined (default cqc)"
     )
-    p.add_argument("--number", type=integer_up_to(10_000), metavar="N", help="number of modes (default 20)")
+    add_number(p, "number of modes (default 20)", 10_000)
     p.add_argument("--max", type=positive, metavar="HZ", help="all modes up to this frequency instead")
     p.add_argument(
         "--no-missing-mass", action="store_true", help="leave out the inertia that the modes do not have"

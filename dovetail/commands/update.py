@@ -1,11 +1,10 @@
 """``dovetail update``: uncertain parameters fitted to modes or FRFs."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import add_pool, integer_up_to, natural
+from dovetail.commands.argument_types import add_pool, add_report_folder, integer_up_to, natural
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.stepping import step_progress
 from dovetail.commands.update_report import errors_before_and_after, write_update_report
@@ -37,14 +36,7 @@ NULLS = {
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    p.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="DIR",
-        help="folder for report.html, update.json, study.toml with the new values, and pictures/",
-    )
-    p.add_argument("--force", action="store_true", help="write into a folder that holds other files")
+    add_report_folder(p, "report.html, update.json, study.toml with the new values, and pictures/")
     p.add_argument(
         "--bootstrap",
         type=integer_up_to(1_000_000),

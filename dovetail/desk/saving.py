@@ -18,8 +18,9 @@ from dovetail.pipeline import Progress, analysed, fit_problem, formed_fit_proble
 from dovetail.result import NAMES
 from fem.io.atomic import replacing
 from fem.model import Effect, Model
-from updating.diagnosis.diagnosis import EFFECT, FITTED, N_CHECKED, NOTHING, Diagnosis
+from updating.diagnosis.diagnosis import N_CHECKED, Diagnosis
 from updating.diagnosis.findings import Finding, parameters_of, step_added, step_of
+from updating.diagnosis.verdict import EFFECT, FITTED, NOTHING
 from updating.inference.preparation import basis_error, discretisation_error, fitted_model
 from updating.live.engine import LiveModel
 from updating.live.fitting import fit_uncertain

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.ensemble.quantiles import PROBABILITIES, Quantiles, quantiles
 from dovetail.units.folder import FolderError, Journal, alone_in, read_records
@@ -15,11 +14,10 @@ from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
 from dovetail.units.program import digest_of
 from dovetail.units.work import WorkStep, work_through
+from fem.array_types import Floats
 from fem.system import assemble
 from updating.inference.bootstrap import BootstrapModel, refit
 from updating.inference.updated import Updated
-
-Floats = NDArray[np.float64]
 
 JOURNAL = "bootstrap.jsonl"
 """File of the settings and refits."""

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from fem.array_types import Floats
 
 PROBABILITIES = (0.05, 0.5, 0.95)
 """Quantiles that make a band: 5 %, the median and 95 %."""

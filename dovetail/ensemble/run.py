@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.ensemble.quantiles import Quantiles, quantiles
 from dovetail.ensemble.samples import Checked, SampledModel, compute, counted_frfs
@@ -17,9 +16,8 @@ from dovetail.units.outcome import Outcome
 from dovetail.units.pool import Pool
 from dovetail.units.program import digest_of
 from dovetail.units.work import WorkStep, work_through
+from fem.array_types import Bools, Floats
 from fem.io.atomic import replacing
-
-Floats = NDArray[np.float64]
 
 BATCH = 50
 """Samples of one unit of work [-]."""
@@ -55,7 +53,7 @@ class Ensemble:
     values: Floats
     frequency: Quantiles
     levels: Quantiles
-    counted: NDArray[np.bool_]
+    counted: Bools
     checks: tuple[Checked, ...]
     failures: tuple[Outcome, ...]
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.ensemble.enrichment import enriched
 from dovetail.ensemble.uncertainty import Draw, Uncertainty
 from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.modes import first_modes
+from fem.array_types import Bools, Complexes, Floats
 from fem.model import Model
 from fem.reduction.modal_solution import ModalSolution
 from fem.reduction.parametric_frf import ParametricFRF
@@ -22,9 +22,6 @@ from updating.inference.fit_data import ends_of
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import MODE_MARGIN, elastic_frequencies, forces_at
 from updating.measurement.measurement import Sensor, with_instruments
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 SILENT = 60 / DB_PER_NEPER
 """An FRF this far below the median level is zero by symmetry, as in a comparison [neper]."""
@@ -210,7 +207,7 @@ def compute(shared: SampledModel, unit: tuple[str, int, int]) -> Any:
     }
 
 
-def counted_frfs(levels: Floats) -> NDArray[np.bool_]:
+def counted_frfs(levels: Floats) -> Bools:
     """Return which FRFs symmetry does not make zero, (n_out, n_in), by ln |H| (n_freq, n_out, n_in)."""
     mean = levels.mean(axis=0)
     return mean > np.median(mean) - SILENT if mean.size else np.zeros(mean.shape, dtype=bool)

@@ -5,13 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Damping, Model, ParameterRef
 from updating.inference.parameters import Nuisance
 from updating.inference.unknowns import ScaledUnknown, nuisance_unknowns
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

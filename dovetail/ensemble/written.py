@@ -4,13 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.ensemble.quantiles import PROBABILITIES, Quantiles
 from dovetail.ensemble.run import Ensemble
 from dovetail.file.contents import StudyContents
 from dovetail.report.table import Column, Table, columns_of, write_csv
 from fem.analysis.frf import FRF
+from fem.array_types import Floats
 from fem.io.atomic import replacing
 from fem.summary import counted
 from updating.correlation import DB_PER_NEPER
@@ -20,8 +20,6 @@ BANDS, FREQUENCIES, FRFS, PICTURE = "bands.npz", "frequencies.csv", "frf-bands.c
 """Files in the folder of an ensemble."""
 MOST_DRAWN = 4
 """FRFs in the picture [-]."""
-
-Floats = NDArray[np.float64]
 
 
 def write_files(ensemble: Ensemble, study: StudyContents, folder: Path) -> None:

@@ -4,15 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.file.geometry import Geometry
 from dovetail.file.table import StudyTable
 from fem.analysis.initial import deflected, moving_as_one
+from fem.array_types import Floats
 from fem.model import DIRECTIONS, ModelError
 from fem.system import System
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.file.sensors import read_convention
 from dovetail.file.table import StudyTable
 from fem.analysis.frf import FRF, TRANSMISSIBILITY, WITHOUT_PHASE, FRFError, FRFKind
+from fem.array_types import Complexes, Floats
 from fem.io import UFF_SUFFIXES
 from fem.io.arrays import named_arrays
 from fem.io.faults import no_file
@@ -29,7 +29,6 @@ from updating.quality.phase import phase_evidence
 G0 = 9.80665
 """Standard gravity [m/s²]."""
 
-Complexes = NDArray[np.complex128]
 
 FREQUENCY_UNITS: dict[str, float] = {
     "Hz": 1.0,
@@ -74,9 +73,9 @@ class RawMeasurement:
     force_level: float | None
     check_units: bool
     check_phase: bool = True
-    coherence: NDArray[np.float64] | None = None
+    coherence: Floats | None = None
     averages: int | None = None
-    scatter: NDArray[np.float64] | None = None
+    scatter: Floats | None = None
     compared: Path | None = None
     axis_unit: str = "Hz"
     phase: bool = True
@@ -85,13 +84,13 @@ class RawMeasurement:
 
 def read_files(
     top: StudyTable, folder: Path, notes: list[str], file_notes: list[str]
-) -> tuple[list[RawMeasurement], dict[int, NDArray[np.float64]]]:
+) -> tuple[list[RawMeasurement], dict[int, Floats]]:
     """Read the files of ``[[measurements]]``; return their FRFs and the coordinates of their nodes [m].
 
     ``notes`` gains the assumptions, ``file_notes`` the readers' notes on the files.
     """
     out: list[RawMeasurement] = []
-    nodes: dict[int, NDArray[np.float64]] = {}
+    nodes: dict[int, Floats] = {}
     for t in top.tables("measurements"):
         files = _files(t, folder)
         name = t.text("name", Path(files[0]).name)
@@ -258,9 +257,7 @@ def _turned(again: Complexes, first: Complexes) -> str:
     return min(_TURNS, key=distance)
 
 
-def _coherence(
-    t: StudyTable, folder: Path, read: Reading, notes: list[str]
-) -> list[NDArray[np.float64] | None]:
+def _coherence(t: StudyTable, folder: Path, read: Reading, notes: list[str]) -> list[Floats | None]:
     """Return the coherence of each matrix of FRFs: of the file ``coherence``, or of the FRFs' own file."""
     file, frfs = t.text("coherence", None), read.frfs
     if file is None:
@@ -282,7 +279,7 @@ def _coherence(
     return found
 
 
-def _coherence_in(functions: Sequence[Function], frf: FRF) -> NDArray[np.float64] | None:
+def _coherence_in(functions: Sequence[Function], frf: FRF) -> Floats | None:
     """Return the coherences among functions of a universal file, NaN where there is none."""
     out = np.full(frf.H.shape, np.nan)
     for f in functions:
@@ -299,7 +296,7 @@ def _coherence_in(functions: Sequence[Function], frf: FRF) -> NDArray[np.float64
     return out if np.isfinite(out).any() else None
 
 
-def array_for(path: Path, frf: FRF, what: str) -> NDArray[np.float64] | None:
+def array_for(path: Path, frf: FRF, what: str) -> Floats | None:
     """Read ``frequency``, an array at FRFs' values and, where channels differ, ``outputs`` and ``inputs``.
 
     Returns (n_freq, n_out, n_in), NaN for values of which the file says nothing; None where it has none.

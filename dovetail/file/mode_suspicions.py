@@ -4,11 +4,11 @@ Data and model may each be at fault, so these are warnings, as those of :mod:`do
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.file.measured import FREQUENCY_UNITS
 from dovetail.file.measured_modes import MeasuredModes
 from fem.analysis.modes import Modes, first_modes
+from fem.array_types import Floats
 from fem.model import Model
 from fem.system import assemble
 from updating.inference.mode_targets import mac_of
@@ -18,8 +18,6 @@ SAME_SHAPE = 0.999
 """MAC of two shapes of one frequency that are one mode given twice [-]."""
 MORE_MODES = 10
 """Modes of the model beyond the number of measured ones."""
-
-Floats = NDArray[np.float64]
 
 
 def mode_suspicions(measured: MeasuredModes, model: Model) -> list[str]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dovetail.file.sensor_table import UNIT_OF_HEADING, cell_rows
 from dovetail.file.table import StudyError
 from fem.io import UFF_SUFFIXES, read_uff
+from fem.io.columns import is_number
 from fem.io.uff_format import UffError, parse_label
 from fem.io.uff_types import Points
 from updating.measurement.matching import SCALES
@@ -107,13 +108,13 @@ def read_named_points(path: Path) -> NamedPoints:
     allowed = f"a table of names and three coordinates, or a universal file ({suffixes}), is needed"
     rows = cell_rows(path)
     columns, unit = (0, 1, 2, 3), None
-    if rows and not all(_is_number(cell) for cell in rows[0][1][1:4]):
+    if rows and not all(is_number(cell) for cell in rows[0][1][1:4]):
         columns, unit = _columns(path, rows[0][1])
         rows = rows[1:]
     names, xyz = [], []
     for k, cells in rows:
         chosen = [cells[at] if at < len(cells) else "" for at in columns]
-        if not all(_is_number(cell) for cell in chosen[1:]):
+        if not all(is_number(cell) for cell in chosen[1:]):
             msg = f"{path}: row {k} is {', '.join(cells)}; {allowed}"
             raise StudyError(msg)
         names.append(chosen[0])
@@ -126,13 +127,6 @@ def read_named_points(path: Path) -> NamedPoints:
         msg = f"{path}: two points have the name '{twice}'; names must differ"
         raise StudyError(msg)
     return NamedPoints(tuple(names), (1.0 if unit is None else SCALES[unit]) * np.array(xyz), unit and "m")
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        return bool(np.isfinite(float(cell)))
-    except ValueError:
-        return False
 
 
 def _columns(path: Path, head: Sequence[str]) -> tuple[tuple[int, ...], str | None]:

@@ -13,7 +13,7 @@ from dovetail.file.sensor_places import refuse_or_suspect_places
 from dovetail.file.sensor_table import sensor_tables
 from dovetail.file.table import StudyError, StudyTable, suggest
 from fem.analysis.frf import FRFKind
-from fem.io.uff import UffError, label_of, parse_label
+from fem.io.uff_format import UffError, label_of, parse_label
 from updating.measurement.base_motion import BaseMotion
 from updating.measurement.measurement import MOTION, STRAIN, Sensor, place_sensors
 from updating.measurement.reference_sensor import UnmeasuredForce

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from fem.array_types import Complexes, Floats, Ints
 
 ITERATIONS, CHANGE = 200, 1e-6
 """Steps at most, and the change of all probabilities at which they end [-]."""
@@ -65,7 +64,7 @@ class Population:
     scatter: Floats
     determined: Floats
     n_determined: int
-    common: NDArray[np.complex128]
+    common: Complexes
     spread: Floats
     rest_mean: float
     rest_std: float
@@ -77,18 +76,16 @@ class Population:
     by_parameters: Floats
 
     @property
-    def order(self) -> NDArray[np.int64]:
+    def order(self) -> Ints:
         """Units from the most to the least probable outlier."""
         return np.argsort(-self.odds, kind="stable")
 
-    def scaled_residual(self, residual: NDArray[np.complex128]) -> Floats:
+    def scaled_residual(self, residual: Complexes) -> Floats:
         """Return the rest of a unit in units of the spread, (n_lines, n_out, n_in), NaN where not counted."""
         return np.abs(residual - self.common) / (np.sqrt(2) * self.spread)
 
 
-def find_population(
-    x: Floats, covariance: Floats, prior: Floats, residual: NDArray[np.complex128]
-) -> Population:
+def find_population(x: Floats, covariance: Floats, prior: Floats, residual: Complexes) -> Population:
     """Return the population of the units of a fleet.
 
     Parameters
@@ -173,7 +170,7 @@ def _determined(covariance: Floats, prior: Floats) -> tuple[Floats, Floats]:
     return E / prior[:, None], prior[:, None] * E
 
 
-def _common(residual: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], Floats]:
+def _common(residual: Complexes) -> tuple[Complexes, Floats]:
     """Return the median of each value over the units, and its robust standard deviation in each part."""
     import warnings
 

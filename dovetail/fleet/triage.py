@@ -8,20 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.file.config import read_study_of
 from dovetail.file.contents import StudyContents, measured, without_held_out
 from dovetail.pipeline import fit_problem
+from fem.array_types import Complexes, Floats, Ints
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import fit
 from updating.inference.preparation import prepared_like
 from updating.inference.unknowns import ScaledUnknown
-
-Floats = NDArray[np.float64]
-
 
 PILOT = 20
 """Units from which the model's common error is known [-]: their median has 0.28 of a unit's own error, and
@@ -61,7 +58,7 @@ class Fleet:
     path: Path
     problem: FitProblem
     start: FitResult
-    common: NDArray[np.complex128]
+    common: Complexes
 
     @classmethod
     def of(cls, text: str, path: Path, files: Sequence[Path]) -> "Fleet":
@@ -97,7 +94,7 @@ class Fleet:
         return replace(bare, start=best, common=np.nan_to_num(parts[0] + 1j * parts[1]))
 
     @property
-    def lines(self) -> NDArray[np.int64]:
+    def lines(self) -> Ints:
         """Lines that are fitted and compared."""
         return self.problem.lines_up_to(np.inf, self.problem.n_lines)
 
@@ -135,7 +132,7 @@ class Fleet:
         problem = replace(self.problem, data=replace(data, H=H))
         return problem, fit(problem, stages=problem.stages[-1:], x_from=self.start)
 
-    def rest_of(self, study: StudyContents) -> NDArray[np.complex128]:
+    def rest_of(self, study: StudyContents) -> Complexes:
         """Return ln(computed / measured) of a unit at its own parameters, at all lines; NaN if not counted.
 
         Nothing is taken off it.
@@ -176,7 +173,7 @@ class Triage:
 
     x: Floats
     covariance: Floats
-    residual: NDArray[np.complex128]
+    residual: Complexes
     warnings: tuple[str, ...]
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.file.contents import StudyContents, without_held_out
 from dovetail.fleet.population import GAUSSIAN, Population
@@ -20,8 +19,6 @@ from updating.inference.belief import DISCREPANCY_MAX
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement
-
-Floats = NDArray[np.float64]
 
 MEDIAN_ERROR = float(np.sqrt(np.pi / 2))
 """Standard error of the median of n normal values, times √n, over their standard deviation [-]."""

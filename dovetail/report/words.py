@@ -14,10 +14,10 @@ from fem.model import DIRECTIONS, Effect, Model, Parameter, inverse, reciprocal_
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
 from updating.diagnosis.departures import Departure
-from updating.diagnosis.diagnosis import EFFECT, FAULT, NOTHING, UNEXPLAINED, UNFINISHED, Diagnosis
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.separation import Decisive, Proposal
-from updating.diagnosis.verdict import Explanation, Verdict
+from updating.diagnosis.verdict import EFFECT, FAULT, NOTHING, UNEXPLAINED, UNFINISHED, Explanation, Verdict
 from updating.inference.belief import UNSTATED
 from updating.inference.fit_result import FitResult
 from updating.quality.faults import Fault

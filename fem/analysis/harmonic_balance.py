@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fem.array_types import Complexes, Floats
 
 _GRID = np.geomspace(1e-4, 1e4, 97)
 """Amplitudes at which a solution is looked for, in multiples of that without the element."""
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 class Describing(Protocol):

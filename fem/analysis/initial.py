@@ -3,13 +3,12 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.statics import factor_stiffness
+from fem.array_types import Floats
 from fem.model import DIRECTIONS, ModelError, lever_matrix
 from fem.system import System
-
-Floats = NDArray[np.float64]
 
 
 def deflected(system: System, displacements: Mapping[tuple[int, str], float]) -> Floats:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.base_excitation import compute_base_frf
 from fem.analysis.complex_modes import solve_complex_modes
@@ -19,6 +19,7 @@ from fem.analysis.modes import solve_modes
 from fem.analysis.participation import compute_energies
 from fem.analysis.selection import Selection
 from fem.analysis.tabulated import Tabulated
+from fem.array_types import Floats
 from fem.model import ModelError
 from fem.summary import fields_summary
 from fem.system import System
@@ -28,8 +29,6 @@ RESPONSES = ("displacement", "velocity", "acceleration")
 _STEP = 0.125
 """Of arsinh x, x the distance from a mode in half bandwidths [-]."""
 _LEAST_RATIO = 1e-5
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,10 +7,9 @@ overdamped modes need no other forms.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
-Floats = NDArray[np.float64]
+from fem.array_types import Floats
 
 
 def oscillators(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Complexes = NDArray[np.complex128]
+from fem.array_types import Complexes, Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +28,7 @@ class References:
     """
 
     n: int
-    rows: NDArray[np.int64]
+    rows: Ints
 
     def behind(self, n: int) -> "References":
         """Return the same references behind another number of outputs."""

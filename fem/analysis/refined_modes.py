@@ -9,15 +9,13 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.linalg.lanczos import TOLERANCE, RitzPairs
 from fem.linalg.solvers import Factor
 from fem.mesh import Mesh
 from fem.model import lever_matrix
 from fem.system import System
-
-Floats = NDArray[np.float64]
 
 HIDDEN = 1e-6
 """Eigenvalues of small systems are corrected where rounding may change them by more than this part [-]."""

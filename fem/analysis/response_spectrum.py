@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.base_excitation import rigid_base_load
 from fem.analysis.line_loads import line_axes, line_dofs
@@ -24,13 +24,12 @@ from fem.analysis.section_forces import line_mass, line_stiffness
 from fem.analysis.selection import Selection, dof_vectors
 from fem.analysis.statics import constraint_forces, factor_stiffness
 from fem.analysis.tabulated import Tabulated
+from fem.array_types import Floats
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
 from fem.system import System, sum_contributions
 
 COMBINATIONS = ("cqc", "srss")
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

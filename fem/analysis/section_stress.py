@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.elements.properties import MemberProperties
 from fem.sections.section import Section
 from fem.sections.stress_points import missing_formula, stress_points
-
-Floats = NDArray[np.float64]
 
 ROUND = ("circle", "tube", "ellipse", "hollow_ellipse")
 """Shapes whose outlines are drawn as polygons and are ellipses."""

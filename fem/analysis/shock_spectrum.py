@@ -1,16 +1,14 @@
 """Shock response spectra: largest responses of single oscillators to a motion of their base."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.recurrence import oscillators
+from fem.array_types import Floats
 from fem.model import ModelError
 
 RESPONSES = ("acceleration", "pseudo_velocity", "displacement")
 PARTS = ("maximax", "positive", "negative")
-
-
-Floats = NDArray[np.float64]
 
 
 def shock_response_spectrum(
@@ -106,7 +104,7 @@ def _free_peaks(value: Floats, slope: Floats, omega: Floats, zeta: float) -> Flo
 
 def pseudo_acceleration_spectrum(
     time: ArrayLike, acceleration: ArrayLike, zeta: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Return the shock response spectra of motions of a base at all frequencies that their record has.
 
     Parameters

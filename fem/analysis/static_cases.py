@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.one_sided import OneSided
 from fem.analysis.second_order import SecondOrder
@@ -19,11 +18,10 @@ from fem.analysis.stations import (
     stations,
     stresses_on_lines,
 )
+from fem.array_types import Floats
 from fem.effects.places import frame_of
 from fem.model import DIRECTIONS
 from fem.summary import fields_summary
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.base_excitation import rigid_base_load
 from fem.analysis.excitation import Excitation, TimeResponse
@@ -19,6 +19,7 @@ from fem.analysis.modes import solve_eigenpairs
 from fem.analysis.recurrence import coupled, oscillators, twice_integrated
 from fem.analysis.selection import Selection, dof_vectors
 from fem.analysis.statics import factor_stiffness
+from fem.array_types import Floats, Ints
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import DIRECTIONS, ModelError
 from fem.system import System
@@ -28,8 +29,6 @@ METHODS = ("modal", "newmark")
 
 _LOST = 1e-3
 """Part of an initial motion that the modes may lack without a note, by mass [-]."""
-
-Floats = NDArray[np.float64]
 
 
 def solve_transient(
@@ -224,7 +223,7 @@ def _start(system: System, initial: tuple[ArrayLike, ArrayLike] | None) -> tuple
 # By modes ---------------------------------------------------------------------------------------------------
 
 
-def _by_modes(problem: _TransientProblem, kept: NDArray[np.int64]) -> tuple[Floats, Floats, Floats, Floats]:
+def _by_modes(problem: _TransientProblem, kept: Ints) -> tuple[Floats, Floats, Floats, Floats]:
     """Return motions of the outputs (n_t, n_out), and of all coordinates at the kept samples (n_free, k).
 
     Displacements, velocities and accelerations of the outputs; displacements of the coordinates.
@@ -303,7 +302,7 @@ def _first_acceleration(M: sp.csc_array, K: sp.csc_array, force: Floats, h: floa
 
 
 def _by_newmark(
-    problem: _TransientProblem, alpha: float, kept: NDArray[np.int64]
+    problem: _TransientProblem, alpha: float, kept: Ints
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the same as :func:`_by_modes`."""
     system, h = problem.system, problem.excitation.step

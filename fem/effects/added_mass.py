@@ -1,14 +1,14 @@
 """A point mass, at a point of the mesh or at any position along a member."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Relevant, Role, Site, Yardstick
-from fem.effects.on_member import AtPosition, WithinMember
+from fem.declarations import Entry, Marker, Relevant, Role, Site, StiffnessAt, Yardstick
+from fem.effects.on_member import AtPosition, WithinMember, position_between
 from fem.elements.frame import Frame
 from fem.model import (
     Contribution,
@@ -135,7 +135,7 @@ class PointMass(AtPosition, WithinMember):
         """Mass and position."""
         return (
             Parameter("mass", "kg", self.mass, 0.0, 0.0, 20 * self.scale, linear=True),
-            Parameter("position", "m", self.position, self.position, *self.span, position=True),
+            position_between(self.position, *self.span),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -170,7 +170,7 @@ class PointMass(AtPosition, WithinMember):
             )
         return tuple(out)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Masses of 0.5 to 20 % of the member's at 13 places along it."""
         lo, hi = self.span
         places = np.linspace(0.01, 0.99, 13)
@@ -180,9 +180,7 @@ class PointMass(AtPosition, WithinMember):
             for f in (0.005, 0.02, 0.06, 0.2)
         )
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return a relevant mass."""
         return sizes.masses * mass
 

@@ -1,15 +1,15 @@
 """Places where a member gives way: a crack anywhere along it, a soft connection at its end."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Relevant, Role, Site
+from fem.declarations import Entry, Marker, Relevant, Role, Site, StiffnessAt
 from fem.effects.giving_way import GivesWay
-from fem.effects.places import bending_stiffness, frame_of, is_bar, section_extent, welded_ends
+from fem.effects.on_member import place_on, position_between
+from fem.effects.places import bending_members, bending_stiffness, frame_of, section_extent, welded_ends
 from fem.elements.frame import Frame
 from fem.model import DIRECTIONS, Effect, Model, Parameter
 
@@ -70,15 +70,7 @@ class Crack(GivesWay):
         c = self.compliance, 0.0, 0.0, 5 * self.reference
         return (
             Parameter("compliance", "rad/(N·m)", *c, in_words=self.depth_in_words),
-            Parameter(
-                "position",
-                "m",
-                self.position,
-                self.position,
-                self.nearest,
-                self.length - self.nearest,
-                position=True,
-            ),
+            position_between(self.position, self.nearest, self.length - self.nearest),
         )
 
     def place(self, model: Model) -> Any:
@@ -98,7 +90,7 @@ class Crack(GivesWay):
         f = sum(c * share**k for k, c in enumerate(powers, 2))
         return float(6 * np.pi * self.depth * self.reference / self.length * f)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """As soft as 1 to 100 % of the member's length, at eleven places along it."""
         first = max(0.03 * self.length, self.nearest)
         return tuple(
@@ -117,20 +109,16 @@ class Crack(GivesWay):
             else "a cut of more than 60 % of the depth"
         )
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return the compliance of a crack of a relevant depth."""
         return self.compliance_of(sizes.cracks)
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Both planes of each member but bars."""
-        if not model.of_kind(Frame):
-            return ()
         out: list[Effect] = []
-        for m in model.mesh.members:
-            for d, depth in (("ry", 2), ("rz", 1)) if not is_bar(model, m) else ():
+        for m in bending_members(model):
+            for d, depth in (("ry", 2), ("rz", 1)):
                 length = model.mesh.member_length(m)
                 reference = length / bending_stiffness(model, m, d)
                 half = section_extent(model, m, np.eye(3), np.eye(3)[depth])
@@ -151,8 +139,7 @@ class Crack(GivesWay):
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the place on the member."""
-        mesh = model.mesh
-        return mesh.point_at(mesh.locate(self.member, float(np.real(self.position))))[None]
+        return place_on(model, self.member, self.position)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -199,16 +186,14 @@ class EndRelease(GivesWay):
         """Return the end's arc length."""
         return 0.0 if self.end == 1 else model.mesh.member_length(self.member)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """As soft as 0.3 % of the member's length to nearly a hinge."""
         return tuple(
             {"compliance": f * self.reference}
             for f in (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
         )
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return the compliance that is a relevant share of all that the end turns by under a moment."""
         return self.reference / 3 * sizes.connections / (1 - sizes.connections)
 

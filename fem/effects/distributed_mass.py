@@ -1,16 +1,13 @@
 """Mass along a member: a cable, a coating, insulation, water."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.declarations import Contains, Entry, Environment, Marker, Role, Site
-from fem.effects.on_member import OnMember
-from fem.effects.places import frame_of, member_mass, stiffness_of_sprung
-from fem.elements.frame import Frame
+from fem.declarations import Contains, Entry, Environment, Marker, Role, Site, StiffnessAt
+from fem.effects.on_member import AtPosition, OnMember, position_between
+from fem.effects.places import frame_of, framed_members, member_mass, stiffness_of_sprung
 from fem.elements.properties import MemberProperties
 from fem.elements.stretches import mass_of_stretch
 from fem.mesh import Mesh
@@ -18,7 +15,7 @@ from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, refu
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class DistributedMass(OnMember):
+class DistributedMass(AtPosition):
     """A mass per length on a stretch of a member, at its axis.
 
     M = mass ∫ NᵀN dx over the stretch, N the translations. Short, it is a ``point_mass``; over all of the
@@ -54,7 +51,6 @@ class DistributedMass(OnMember):
         places="along each member",
     )
     mass: Any
-    position: Any
     width: Any
     length: float
     reference: float
@@ -76,25 +72,12 @@ class DistributedMass(OnMember):
             reference=properties.material.rho * properties.section.A,
         )
 
-    @property
-    def where(self) -> Site:
-        """Member and position."""
-        return Site(f"member {self.member}", self.position)
-
     def parameters(self) -> tuple[Parameter, ...]:
         """Return mass per length, position and width."""
         short = 0.1 * self.length
         return (
             Parameter("mass", "kg/m", self.mass, 0.0, 0.0, 20 * self.reference, linear=True),
-            Parameter(
-                "position",
-                "m",
-                self.position,
-                self.position,
-                short / 2,
-                self.length - short / 2,
-                position=True,
-            ),
+            position_between(self.position, short / 2, self.length - short / 2),
             Parameter("width", "m", self.width, self.width, short, 0.8 * self.length),
         )
 
@@ -115,7 +98,7 @@ class DistributedMass(OnMember):
         """Return Young's modulus of a member on springs."""
         return stiffness_of_sprung(model, self.member)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Give the member 3, 10 and 40 % of its mass, on a quarter and on half of its length."""
         return tuple(
             {"mass": f * self.reference, "position": x * self.length, "width": w * self.length}
@@ -128,7 +111,7 @@ class DistributedMass(OnMember):
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Each member."""
         out: list[Effect] = []
-        for m in model.mesh.members if model.of_kind(Frame) else ():
+        for m in framed_members(model):
             length = model.mesh.member_length(m)
             out.append(
                 cls(
@@ -142,11 +125,6 @@ class DistributedMass(OnMember):
                 )
             )
         return tuple(out)
-
-    def locations(self, model: Model) -> NDArray[np.float64]:
-        """Return the middle of the stretch."""
-        mesh = model.mesh
-        return mesh.point_at(mesh.locate(self.member, float(np.real(self.position))))[None]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -205,7 +183,7 @@ class FluidAddedMass(OnMember):
         """Return Young's modulus of a member on springs."""
         return stiffness_of_sprung(model, self.member)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 0.7 % to three times the member's mass."""
         return tuple({"mass": f * self.reference} for f in (0.007, 0.02, 0.07, 0.2, 0.5, 1.0, 3.0))
 
@@ -220,6 +198,6 @@ class FluidAddedMass(OnMember):
                 mass=0.0,
                 reference=member_mass(model, m) / model.mesh.member_length(m),
             )
-            for m in (model.mesh.members if model.of_kind(Frame) else ())
+            for m in framed_members(model)
             for d in ("y", "z")
         )

@@ -1,13 +1,12 @@
 """Flexible supports with damping: soil, rubber mounts, bolted feet."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Contains, Entry, Marker, Role
+from fem.declarations import Contains, Entry, Marker, Role, StiffnessAt
 from fem.effects.joint import joint_unit
 from fem.effects.places import OnSupports
 from fem.effects.support_flexibility import SupportFlexibility
@@ -22,9 +21,7 @@ class _Foundation(OnSupports):
         unit = joint_unit(self.direction)
         return Parameter("stiffness", unit, self.stiffness, np.inf, 1e-6, 1e18, log=True)
 
-    def _grid(
-        self, scale: Callable[[tuple[str, str]], float], losses: list[dict[str, float]]
-    ) -> tuple[dict[str, float], ...]:
+    def _grid(self, scale: StiffnessAt, losses: list[dict[str, float]]) -> tuple[dict[str, float], ...]:
         k = float(np.median([scale(key) for key in self.released()]))
         return tuple(
             {"stiffness": float(f * k), **loss} for f, loss in product(np.geomspace(1e-2, 1e2, 11), losses)
@@ -53,12 +50,6 @@ class Foundation(_Foundation):
 
     Attributes
     ----------
-    supports : tuple of str
-        Names of supports that hold the direction.
-    direction : str
-        One of x, y, z, rx, ry, rz.
-    stiffness : float
-        k of each; absent is infinite [N/m or N·m/rad].
     loss_factor : float
         η [-].
     """
@@ -82,7 +73,7 @@ class Foundation(_Foundation):
         dofs, K = self.springs(model)
         return (Contribution(dofs, K, D=self.loss_factor * K),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Four decades around the stiffness of the structure, losses of 10 and 50 %."""
         return self._grid(scale, [{"loss_factor": 0.1}, {"loss_factor": 0.5}])
 
@@ -101,12 +92,6 @@ class FoundationDashpot(_Foundation):
 
     Attributes
     ----------
-    supports : tuple of str
-        Names of supports that hold the direction.
-    direction : str
-        One of x, y, z, rx, ry, rz.
-    stiffness : float
-        k of each; absent is infinite [N/m or N·m/rad].
     tau : float
         τ, the dashpot's constant over k [s].
     """
@@ -130,7 +115,7 @@ class FoundationDashpot(_Foundation):
         dofs, K = self.springs(model)
         return (Contribution(dofs, K, C=self.tau * K),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Four decades around the stiffness of the structure, and of the time constant."""
         return self._grid(scale, [{"tau": t} for t in (1e-5, 1e-4, 1e-3, 1e-2)])
 

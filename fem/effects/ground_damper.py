@@ -1,12 +1,11 @@
 """Dashpots from points of the structure to the ground that the model lacks: a damped suspension, a cable."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Role
+from fem.declarations import Entry, Role, StiffnessAt
 from fem.effects.ground_spring import attachments
 from fem.effects.places import OnPoint, typical_mass
 from fem.elements.frame import Frame
@@ -49,7 +48,7 @@ class GroundDamper(OnPoint):
         """Return c on the one DOF."""
         return (Contribution(self.dof, C=np.full((1, 1, 1), self.damping)),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Dashpots that take a member's momentum in a second to ten microseconds."""
         return tuple({"damping": float(f * self.reference)} for f in np.geomspace(1.0, 1e5, 11))
 

@@ -1,12 +1,12 @@
 """Springs from points of the structure to the ground that the model lacks: suspensions, cables, stops."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role, Yardstick
+from fem.declarations import Entry, Marker, Role, StiffnessAt, Yardstick
 from fem.effects.joint import Joint, PointPair, joint_unit
 from fem.effects.places import OnPoint, fastening_places, fixed_directions, odd_stiffness, typical_stiffness
 from fem.effects.support import Support
@@ -50,7 +50,7 @@ class GroundSpring(OnPoint):
         """Return k on the one DOF."""
         return (Contribution(self.dof, np.full((1, 1, 1), self.stiffness)),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From a soft suspension, 10⁻³ of a member's stiffness, to a support."""
         return tuple({"stiffness": float(f * self.reference)} for f in np.geomspace(1e-3, 1e5, 17))
 

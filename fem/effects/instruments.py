@@ -1,13 +1,12 @@
 """Changes of the structure by the test: masses of sensors and drivers, stiffness of stingers."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role, Site
+from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.places import AtPoint, typical_mass, typical_stiffness
 from fem.elements.frame import Frame
 from fem.lengths import length_text
@@ -16,6 +15,18 @@ from fem.model import Contribution, Effect, Model, Parameter, dofs_of, refuse_ne
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _InstrumentMass(Effect):
+    """The same mass at some points.
+
+    Attributes
+    ----------
+    points : tuple of int
+        Points of the mesh.
+    mass : float
+        Mass at each [kg].
+    reference : float
+        Typical mass of a member, which sets the scale [kg].
+    """
+
     points: tuple[int, ...]
     mass: Any
     reference: float
@@ -32,7 +43,7 @@ class _InstrumentMass(Effect):
         dofs = dofs_of(self.points)[:, :3]
         return (Contribution(dofs, M=np.tile(self.mass * np.eye(3), (len(self.points), 1, 1))),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 0.1 to 30 % of a member's mass."""
         return tuple({"mass": f * self.reference} for f in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3))
 
@@ -47,15 +58,6 @@ class SensorMass(_InstrumentMass):
 
     A sensor with several channels at one place is one body. Accelerometers that are moved from place to place
     during a test are not this. With a free density it loses most of its signature.
-
-    Attributes
-    ----------
-    points : tuple of int
-        Points of the mesh.
-    mass : float
-        Mass at each [kg].
-    reference : float
-        Typical mass of a member, which sets the scale [kg].
     """
 
     kind: ClassVar[str] = "sensor_mass"
@@ -89,15 +91,6 @@ class DriverMass(_InstrumentMass):
     """The mass that a shaker's armature, force cell and fittings add where they are attached.
 
     It is there whatever is driven. A ``point_mass`` on the member at the same place is its twin.
-
-    Attributes
-    ----------
-    points : tuple of int
-        Points of the mesh.
-    mass : float
-        Mass at each [kg].
-    reference : float
-        Typical mass of a member, which sets the scale [kg].
     """
 
     kind: ClassVar[str] = "driver_mass"
@@ -189,7 +182,7 @@ class Stinger(AtPoint):
         K = self.stiffness * (np.eye(3) - along if self.across else along)
         return (Contribution(dofs_of([self.point])[:, :3], K[None]),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 10⁻³ to 10⁴ of a member's bending stiffness."""
         return tuple({"stiffness": float(f * self.reference)} for f in np.geomspace(1e-3, 1e4, 15))
 

@@ -1,15 +1,14 @@
 """Joints whose stiffness has a loss factor in one direction only: rubber, a loose bolt."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Contains, Entry, Marker, Relevant, Role
+from fem.declarations import Contains, Entry, Marker, Relevant, Role, StiffnessAt
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.joint_stiffness import JointStiffness
-from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter
+from fem.model import DIRECTIONS, Effect, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -45,20 +44,12 @@ class JointComplexStiffness(JointStiffness):
             Parameter("loss_factor", "-", self.loss_factor, self.assumed_loss, 0.0, 3.0),
         )
 
-    def contribute(self, model: Model) -> tuple[Contribution, ...]:
-        """Return (k - k_assumed) b bᵀ and (ηk - η_assumed k_assumed) b bᵀ."""
-        out = []
-        for name in self.joints:
-            joint = model.effect(name)
-            assert isinstance(joint, Joint)
-            dofs, B = joint.relative(model)
-            b = B[DIRECTIONS.index(self.direction)]
-            K = (self.stiffness - self.assumed) * np.outer(b, b)
-            D = (self.loss_factor * self.stiffness - joint.eta * self.assumed) * np.outer(b, b)
-            out.append(Contribution(dofs[None], K[None], D=D[None]))
-        return tuple(out)
+    def _changes(self, joint: Joint) -> tuple[Any, Any]:
+        """Return k - k_assumed and ηk - η_assumed k_assumed."""
+        d = self.loss_factor * self.stiffness - joint.eta * self.assumed
+        return self.stiffness - self.assumed, d
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Return values from two decades softer to one stiffer, with little and with much loss."""
         return tuple(
             {"stiffness": float(f * self.assumed), "loss_factor": loss}
@@ -66,9 +57,7 @@ class JointComplexStiffness(JointStiffness):
             for loss in (0.05, 0.3, 1.0)
         )
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return None: a loss factor of a stiffness has no size that is relevant."""
         return None
 

@@ -1,13 +1,12 @@
 """A joint in which the motions of two directions are coupled."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Role, Site
+from fem.declarations import Entry, Role, Site, StiffnessAt
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
@@ -69,7 +68,7 @@ class JointCoupling(OnJoint):
         """Return the joint's stiffnesses in the two directions and its loss factor."""
         return tuple((self.joint, name) for name in (f"k{self.first}", f"k{self.second}", "eta"))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Ten values within the bounds."""
         low, high = self.bounds
         shares = (0.015, 0.06, 0.2, 0.5, 0.9)

@@ -1,12 +1,11 @@
 """Damping of joints beyond that of the model: of one direction or of all."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, StiffnessAt
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.places import InDirection, OnJoint, parameters_of
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -41,24 +40,15 @@ class JointViscousDamping(InDirection):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the dashpot's constant."""
-        return (
-            Parameter(
-                "damping",
-                joint_unit(self.direction, "c"),
-                self.damping,
-                0.0,
-                0.0,
-                self.reference,
-                linear=True,
-            ),
-        )
+        unit = joint_unit(self.direction, "c")
+        return (Parameter("damping", unit, self.damping, 0.0, 0.0, self.reference, linear=True),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return c b bᵀ."""
         dofs, b = self.strain(model, self.direction)
         return (Contribution(dofs[None], C=(self.damping * np.outer(b, b))[None]),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Dashpots whose force equals the spring's at frequencies from 1 Hz to 100 kHz."""
         return tuple({"damping": float(f * self.reference)} for f in np.geomspace(1e-6, 1e-1, 16))
 
@@ -106,7 +96,7 @@ class JointStructuralDamping(OnJoint):
         """Return the joint's parameters."""
         return parameters_of(self.of(model))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """One to a hundred per cent."""
         return tuple({"loss_factor": f} for f in (0.01, 0.03, 0.1, 0.3, 1.0))
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.joint import Joint
-from fem.effects.mounting import OnSide, is_foot, section_size, sides_of
+from fem.effects.mounting import OnSide, is_foot, sides_of
 from fem.effects.places import frame_of
 from fem.elements.inner_place import InnerPlace, node_place
 from fem.model import Array, Effect, Model, lever_matrix
@@ -65,7 +65,7 @@ class JointHole(OnSide):
             if is_foot(joint) or len(here) > 1:
                 continue
             ((member, at),) = here
-            size = section_size(model, member)
+            size = float(np.sqrt(frame_of(model).members[member].section.A))
             axes = frame_of(model).rotations(model.mesh, [int(model.mesh.members[member][0])])[0]
             for d, across in zip("yz", axes[1:], strict=True):
                 out.append(

@@ -1,12 +1,11 @@
 """Mass and rotary inertia of a joint: bolts, plates, a cast corner."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Relevant, Role
+from fem.declarations import Entry, Marker, Relevant, Role, StiffnessAt
 from fem.effects.joint import Joint
 from fem.effects.places import OnJoint, typical_length, typical_mass
 from fem.model import Array, Contribution, Effect, Model, Parameter, dofs_of, lever_matrix, refuse_negative
@@ -63,13 +62,11 @@ class JointMass(_JointBody):
         """Return Tᵀ diag(m, m, m, 0, 0, 0) T of each side."""
         return self._shared(model, self.mass * np.diag([1.0, 1, 1, 0, 0, 0]))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 0.1 to 30 % of a member's mass."""
         return tuple({"mass": f * self.reference} for f in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3))
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return a relevant mass."""
         return sizes.masses * mass
 
@@ -114,7 +111,7 @@ class JointInertia(_JointBody):
         """Return diag(0, 0, 0, I, I, I) of each side."""
         return self._shared(model, self.inertia * np.diag([0.0, 0, 0, 1, 1, 1]))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 10⁻⁶ to 10⁻² of a member's m L²."""
         return tuple({"inertia": float(f * self.reference)} for f in np.geomspace(1e-6, 1e-2, 9))
 

@@ -8,14 +8,14 @@ tells them from one another and from linear ones: a search takes them up where m
 force levels differ.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Role
+from fem.declarations import Entry, Role, StiffnessAt
 from fem.effects.joint import TRANSLATIONS, joint_unit
 from fem.effects.places import InDirection
 from fem.model import Contribution, Model, ModelError, Parameter
@@ -117,7 +117,7 @@ class JointCubic(AmplitudeDependent):
         by_parameter = {"cubic": (0.75 * amplitude**2).astype(complex)}
         return (1.5 * self.cubic * amplitude).astype(complex), by_parameter
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Equivalent stiffnesses of 10⁻³ to 30 times the joint's, softening up to nine tenths of it."""
         unit = self.reference / (0.75 * self.amplitude**2)
         up = np.geomspace(1e-3, 30.0, 14)
@@ -190,7 +190,7 @@ class JointGap(AmplitudeDependent):
         }
         return (-by_x * x / amplitude).astype(complex), by_parameter
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Stiffnesses of a hundredth to a hundred times the joint's, and gaps below the amplitude."""
         return tuple(
             {"stiffness": float(f * self.reference), "gap": g * self.amplitude}
@@ -243,7 +243,7 @@ class JointFriction(AmplitudeDependent):
             "force": (4j / (np.pi * amplitude)).astype(complex)
         }
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Losses of 10⁻³ to 10 times the joint's stiffness."""
         unit = self.reference * np.pi * self.amplitude / 4
         return tuple({"force": float(f * unit)} for f in np.geomspace(1e-3, 10.0, 17))

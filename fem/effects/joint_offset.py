@@ -1,12 +1,11 @@
 """A joint that does not sit where the model has it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, StiffnessAt
 from fem.effects.joint import Joint
 from fem.effects.places import InDirection, frame_of, parameters_of
 from fem.effects.superelement import Superelement
@@ -82,7 +81,7 @@ class JointOffset(InDirection):
         """Return the joint's parameters."""
         return parameters_of(self.of(model))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 2 % of the section's size to three times as much, either way."""
         return tuple({"offset": f * self.reach} for f in (-3, -1, -0.4, -0.1, -0.02, 0.02, 0.1, 0.4, 1, 3))
 

@@ -1,13 +1,12 @@
 """Joints of finite extent: flats that lie on each other touch over an area, not in a point."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role, Site
+from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.joint import Joint, PointPair, Spread
 from fem.effects.places import frame_of, is_bar, section_extent
 from fem.elements.frame import Frame
@@ -114,7 +113,7 @@ class JointPatch(Spread):
         key = (side, size, mesh, frame.members[side.member])
         return self.motions.get(key, lambda: _mean_motion(model, side, size * side.half))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """As broad as the other member, half that, and more."""
         return ({"size": 1.0}, {"size": 0.5}, {"size": 1.4})
 

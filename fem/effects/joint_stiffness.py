@@ -3,14 +3,13 @@
 They are softer or stiffer than the model has them, or flexible where the model has them rigid.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Relevant, Role, Site
+from fem.declarations import Entry, Marker, Relevant, Role, Site, StiffnessAt
 from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
 
@@ -71,16 +70,21 @@ class JointStiffness(Effect):
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return (k - k_assumed) b bᵀ (1 + iη) with each joint's loss factor."""
-        change = self.stiffness - (self.assumed if np.isfinite(self.assumed) else 0.0)
         out = []
         for name in self.joints:
             joint = model.effect(name)
             assert isinstance(joint, Joint)
             dofs, B = joint.relative(model)
             b = B[DIRECTIONS.index(self.direction)]
-            K = change * np.outer(b, b)
-            out.append(Contribution(dofs[None], K[None], D=(joint.eta * K)[None] if joint.eta else None))
+            k, d = self._changes(joint)
+            unit = np.outer(b, b)[None]
+            out.append(Contribution(dofs[None], k * unit, D=None if d is None else d * unit))
         return tuple(out)
+
+    def _changes(self, joint: Joint) -> tuple[Any, Any]:
+        """Return the changes of a joint's stiffness and of its structural damping, None for no damping."""
+        k = self.stiffness - (self.assumed if np.isfinite(self.assumed) else 0.0)
+        return k, joint.eta * k if joint.eta else None
 
     def released(self) -> tuple[tuple[str, str], ...]:
         """Return the joints' constraints in this direction, where they are rigid."""
@@ -98,7 +102,7 @@ class JointStiffness(Effect):
         """Return the joints' loss factors."""
         return tuple((name, "eta") for name in self.joints)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Return values from three decades softer to two stiffer than assumed.
 
         For rigid joints the values lie around the stiffness of their surroundings.
@@ -111,9 +115,7 @@ class JointStiffness(Effect):
     def _share(self, stiffness: float) -> str:
         return f"{stiffness / self.assumed:.3g} of the model's"
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return the stiffness of a joint that lacks a relevant share of it."""
         return (
             (1 - sizes.connections) * self.assumed

@@ -1,13 +1,12 @@
 """Joints whose stiffness and damping depend on frequency: rubber, gaskets, adhesives."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Environment, Marker, Role
+from fem.declarations import Entry, Environment, Marker, Role, StiffnessAt
 from fem.effects.joint import Joint, joint_unit
 from fem.effects.places import InDirection
 from fem.laws import Maxwell, SpringPot
@@ -50,9 +49,7 @@ class _JointViscoelastic(InDirection):
         """Return the joint's constraint in the direction, where it is rigid."""
         return ((self.joint, self.direction),) if self.rigid else ()
 
-    def _grid(
-        self, scale: Callable[[tuple[str, str]], float], laws: list[dict[str, float]]
-    ) -> tuple[dict[str, float], ...]:
+    def _grid(self, scale: StiffnessAt, laws: list[dict[str, float]]) -> tuple[dict[str, float], ...]:
         if not self.rigid:
             return tuple(laws)
         k = scale((self.joint, self.direction))
@@ -123,7 +120,7 @@ class JointZener(_JointViscoelastic):
         """Return the spring where the model is rigid, and the branch parallel to it."""
         return self._parts(model, self.ratio, Maxwell(self.tau))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Relaxation at 1.6 Hz to 16 kHz, a half to ten times stiffer at high frequency."""
         many = not self.rigid
         ratios, taus = ((0.3, 1.0, 3.0, 10.0), 9) if many else ((0.5, 3.0), 5)
@@ -184,7 +181,7 @@ class JointFractional(_JointViscoelastic):
         """Return the spring where the model is rigid, and the spring-pot parallel to it."""
         return self._parts(model, self.strength, SpringPot(1 / (2 * np.pi * _REFERENCE), self.exponent))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Exponents of 0.3 to 0.7 and strengths of 0.03 to 3."""
         strengths = (0.03, 0.1, 0.3, 1.0, 3.0) if not self.rigid else (0.1, 0.5, 2.0)
         return self._grid(scale, [{"strength": s, "exponent": a} for a in (0.3, 0.5, 0.7) for s in strengths])

@@ -1,10 +1,9 @@
 """Young's modulus or density of one member other than the model has it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
-from fem.declarations import Entry, Marker, Relevant, Role
+from fem.declarations import Entry, Marker, Relevant, Role, StiffnessAt
 from fem.effects.on_member import WithinMember
 from fem.effects.places import is_sprung, stiffness_of_sprung
 from fem.elements.frame import Frame, changes_between, member_contribution, nominal
@@ -31,14 +30,12 @@ class _MemberChange(WithinMember):
         before, now = (parameter_values(f)[key] for f in (nominal(frame), frame))
         return self.with_values(change=self.change * before / now)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From half less to twice as much."""
         down, up = (-0.5, -0.25, -0.1, -0.03, -0.01), (0.01, 0.03, 0.1, 0.25, 0.6, 1.0)
         return tuple({"change": c} for c in (*down, *up))
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return a relevant decrease."""
         return -sizes.members
 

@@ -1,13 +1,12 @@
 """A member that dissipates more than the others."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from fem.declarations import Entry, Role
+from fem.declarations import Entry, Role, StiffnessAt
 from fem.effects.on_member import OnMember
-from fem.effects.places import frame_of, material_of
-from fem.elements.frame import Frame, member_contribution
+from fem.effects.places import frame_of, framed_members, material_of
+from fem.elements.frame import member_contribution
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
 
 
@@ -46,12 +45,12 @@ class MemberDamping(OnMember):
         """Return Young's modulus of the member."""
         return material_of(model, self.member, "E")
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 0.3 to 30 %."""
         return tuple({"loss_factor": f} for f in (0.003, 0.01, 0.03, 0.1, 0.3))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Each member of a structure that has several."""
-        members = list(model.mesh.members) if model.of_kind(Frame) else []
+        members = framed_members(model)
         return tuple(cls(name=f"member_damping:{m}", member=m) for m in members) if len(members) > 1 else ()

@@ -1,16 +1,15 @@
 """A member whose section is thicker or thinner than the model has it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Relevant, Role, Site
+from fem.declarations import Entry, Marker, Relevant, Role, Site, StiffnessAt
 from fem.effects.on_member import OnMember
-from fem.effects.places import elements_of, frame_of, is_bar, material_of, sheared_frame
-from fem.elements.frame import Frame, changes_between, member_contribution
+from fem.effects.places import bending_members, elements_of, frame_of, material_of, sheared_frame
+from fem.elements.frame import changes_between, member_contribution
 from fem.elements.lines import SectionChange
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
 
@@ -102,26 +101,21 @@ class MemberSection(OnMember):
         """Return the parameters on which the member's elements depend."""
         return elements_of(model, self.member, "E", "rho")
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 30 % thinner to 40 % thicker."""
         return tuple({"change": c} for c in (-0.3, -0.1, -0.03, -0.01, -0.003, 0.003, 0.01, 0.03, 0.1, 0.4))
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return a relevant decrease."""
         return -sizes.members
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Both axes of each member."""
-        if not model.of_kind(Frame):
-            return ()
         return tuple(
             cls(name=f"member_section:{m}.{d}", member=m, direction=d)
-            for m in model.mesh.members
+            for m in bending_members(model)
             for d in ("y", "z")
-            if not is_bar(model, m)
         )
 
 
@@ -163,20 +157,17 @@ class MemberTorsion(OnMember):
         """Return Young's modulus of the member."""
         return material_of(model, self.member, "E")
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From a quarter of J to five times as much."""
         return tuple({"change": c} for c in (-0.75, -0.5, -0.2, -0.06, -0.015, 0.015, 0.06, 0.25, 1.0, 4.0))
 
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Each member but bars."""
-        if not model.of_kind(Frame):
-            return ()
-        members = frame_of(model).members
         return tuple(
-            cls(name=f"member_torsion:{m}", member=m, affine=bool(np.isinf(members[m].end_stiffness).all()))
-            for m in model.mesh.members
-            if not is_bar(model, m)
+            cls(name=f"member_torsion:{m}", member=m, affine=bool(np.isinf(stiffness).all()))
+            for m in bending_members(model)
+            for stiffness in [frame_of(model).members[m].end_stiffness]
         )
 
 
@@ -223,7 +214,7 @@ class MemberShear(OnMember):
         """Return the parameters on which the member's elements depend."""
         return elements_of(model, self.member, "E", "rho")
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From a tenth of the theory's, or near the model's, to twenty times as much."""
         near = (0.2, 0.6, 0.9, 1.15, 1.6, 3.0, 6.0, 20.0)
         shares = (0.1, 0.5, 1.0, 2.0, 5.0, 20.0) if self.euler else near
@@ -232,12 +223,10 @@ class MemberShear(OnMember):
     @classmethod
     def propose(cls, model: Model) -> tuple[Effect, ...]:
         """Each member whose section has shear coefficients."""
-        if not model.of_kind(Frame):
-            return ()
         out: list[Effect] = []
-        for m in model.mesh.members:
+        for m in bending_members(model):
             p = frame_of(model).members[m]
-            if p.theory != "bar" and (p.section.ky > 0 or p.section.kz > 0):
+            if p.section.ky > 0 or p.section.kz > 0:
                 euler = p.theory != "timoshenko"
                 name = f"member_shear:{m}"
                 out.append(cls(name=name, member=m, euler=euler, share=0.0 if euler else 1.0))

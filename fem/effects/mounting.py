@@ -1,16 +1,16 @@
 """The common base of effects that move one side of a connection along or across its member."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Site
+from fem.declarations import Site, StiffnessAt
 from fem.effects.giving_way import cut_parameters, place_at
 from fem.effects.joint import Joint
-from fem.effects.places import elements_of, frame_of, parameters_of
+from fem.effects.places import elements_of, parameters_of
 from fem.elements.frame import Frame
 from fem.elements.inner_place import InnerPlace, energy
 from fem.model import (
@@ -63,11 +63,6 @@ def sides_of(model: Model) -> Iterator[tuple[Joint, int, list[tuple[str, float]]
 def is_foot(joint: Joint) -> bool:
     """Whether a joint holds a member to the ground."""
     return joint.point1 is None or joint.point2 is None
-
-
-def section_size(model: Model, member: str) -> float:
-    """Return √A of a member's section [m]."""
-    return float(np.sqrt(frame_of(model).members[member].section.A))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -131,7 +126,7 @@ class OnSide(Effect):
         """Return the joint's parameters."""
         return parameters_of(model.effect(self.joint))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Return shifts either way, as far as the bounds allow."""
         return shifts(self.lower, self.upper)
 

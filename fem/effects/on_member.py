@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.declarations import Site
-from fem.model import Effect, Model
+from fem.model import Effect, Model, Parameter
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -29,8 +29,7 @@ class OnMember(Effect):
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the middle of the member."""
-        mesh = model.mesh
-        return mesh.point_at(mesh.locate(self.member, mesh.member_length(self.member) / 2))[None]
+        return place_on(model, self.member, model.mesh.member_length(self.member) / 2)
 
     def alters(self, model: Model, member: str, line: int | None = None) -> bool:
         """Whether it is of the member."""
@@ -63,4 +62,14 @@ class AtPosition(OnMember):
 
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the place on the member."""
-        return model.mesh.point_at(model.mesh.locate(self.member, float(np.real(self.position))))[None]
+        return place_on(model, self.member, self.position)
+
+
+def place_on(model: Model, member: str, position: Any) -> NDArray[np.float64]:
+    """Return the point at an arc length of a member, (1, 3) [m]."""
+    return model.mesh.point_at(model.mesh.locate(member, float(np.real(position))))[None]
+
+
+def position_between(position: Any, low: float, high: float) -> Parameter:
+    """Return the parameter of a position along a member, with its bounds [m]."""
+    return Parameter("position", "m", position, position, low, high, position=True)

@@ -269,6 +269,16 @@ def bending_stiffness(model: Model, member: str, direction: str) -> float:
     return p.material.E * rigidity[direction]
 
 
+def framed_members(model: Model) -> tuple[str, ...]:
+    """Return the members; none where the model has no frame."""
+    return tuple(model.mesh.members) if model.of_kind(Frame) else ()
+
+
+def bending_members(model: Model) -> tuple[str, ...]:
+    """Return the members but bars; none where the model has no frame."""
+    return tuple(m for m in framed_members(model) if not is_bar(model, m))
+
+
 def is_bar(model: Model, member: str) -> bool:
     """Whether a member has axial stiffness alone."""
     return frame_of(model).members[member].theory == "bar"

@@ -1,15 +1,13 @@
 """A rotary inertia on a member at a position that may be estimated: a wheel, a flange, a box on a bracket."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Role
-from fem.effects.on_member import AtPosition
-from fem.effects.places import frame_of, member_mass
-from fem.elements.frame import Frame
+from fem.declarations import Entry, Role, StiffnessAt
+from fem.effects.on_member import AtPosition, position_between
+from fem.effects.places import frame_of, framed_members, member_mass
 from fem.model import Contribution, Model, Parameter, refuse_negative
 
 
@@ -50,7 +48,7 @@ class PointInertia(AtPosition):
         """Return inertia and position."""
         return (
             Parameter("inertia", "kg·m²", self.inertia, 0.0, 0.0, 20 * self.reference, linear=True),
-            Parameter("position", "m", self.position, self.position, 0.0, self.length, position=True),
+            position_between(self.position, 0.0, self.length),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -58,7 +56,7 @@ class PointInertia(AtPosition):
         dofs, N = frame_of(model).shapes_at(model.mesh, self.member, self.position)
         return (Contribution(dofs[None], M=(self.inertia * (N[3:].T @ N[3:]))[None]),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Inertias of 0.003 to 30 % of the member's at 17 places along it; torsion feels the small ones."""
         return tuple(
             {"inertia": f * self.reference, "position": float(x * self.length)}
@@ -70,7 +68,7 @@ class PointInertia(AtPosition):
     def propose(cls, model: Model) -> tuple[Self, ...]:
         """Return one for each member."""
         out: list[Self] = []
-        for m in model.mesh.members if model.of_kind(Frame) else ():
+        for m in framed_members(model):
             length = model.mesh.member_length(m)
             out.append(
                 cls(

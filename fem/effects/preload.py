@@ -1,12 +1,11 @@
 """An axial force in a member that stiffens or softens its bending."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Relevant, Role
+from fem.declarations import Entry, Marker, Relevant, Role, StiffnessAt
 from fem.effects.on_member import WithinMember
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
@@ -55,15 +54,13 @@ class Preload(WithinMember):
         """Return Young's modulus of a member on springs."""
         return stiffness_of_sprung(model, self.member)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Compression up to the buckling load pinned, tension up to a hundred times that."""
         down = (-0.9, -0.3, -0.1, -0.03, -0.01, -0.003)
         up = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
         return tuple({"tension": f * self.buckling} for f in (*down, *up))
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return a relevant share of the load under which the member buckles, as tension."""
         return sizes.members * self.buckling
 

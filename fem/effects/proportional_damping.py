@@ -4,14 +4,13 @@ Every fit has a damping ratio that varies with frequency, which both of these ar
 proposed. They are here for models.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Role, Site
+from fem.declarations import Role, Site, StiffnessAt
 from fem.model import Contribution, Effect, Model, Parameter
 
 
@@ -54,7 +53,7 @@ class MassDamping(_Proportional):
         """Return alpha M."""
         return tuple(Contribution(c.dofs, C=self.alpha * c.M) for c in self._others(model) if c.M is not None)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 0.1 to 100 per second."""
         return tuple({"alpha": a} for a in (0.1, 1.0, 10.0, 100.0))
 
@@ -83,6 +82,6 @@ class StiffnessDamping(_Proportional):
             Contribution(c.dofs, C=self.beta * c.static) for c in self._others(model) if c.static is not None
         )
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 10⁻⁷ to 10⁻⁴ s."""
         return tuple({"beta": b} for b in (1e-7, 1e-6, 1e-5, 1e-4))

@@ -1,13 +1,12 @@
 """Ends of members that are nearly rigid: corners of finite size, gussets, the inside of a joint."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role, Site
+from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.joint import PointPair
 from fem.effects.places import (
     elements_of,
@@ -92,7 +91,7 @@ class RigidEndZone(Effect):
         """Return the parameters on which the members' stiffness depends."""
         return tuple(dict.fromkeys(ref for m, _ in self.ends for ref in elements_of(model, m, "E")))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From 2 to 80 % of the longest."""
         return tuple({"length": f * self.longest} for f in (0.02, 0.05, 0.1, 0.2, 0.4, 0.8))
 

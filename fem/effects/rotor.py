@@ -1,13 +1,13 @@
 """A spinning rotor, whose gyroscopic moment couples rotations about two axes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Environment, Role, Site
+from fem.declarations import Entry, Environment, Role, Site, StiffnessAt
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
 from fem.effects.places import (
@@ -72,7 +72,7 @@ class Rotor(AtPoint):
         C = -self.momentum * skew(axis / np.linalg.norm(axis))
         return (Contribution(dofs_of([self.point])[:, 3:], C=C[None]),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Either way, over five decades and a half."""
         return tuple(
             {"momentum": float(s * f * self.reference)}

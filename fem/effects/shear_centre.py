@@ -1,12 +1,11 @@
 """Shear centres of open sections: members that twist about another axis than that of their centroids."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Role
+from fem.declarations import Entry, Marker, Role, StiffnessAt
 from fem.effects.on_member import WithinMember
 from fem.effects.places import elements_of, sheared_frame
 from fem.elements.frame import Frame
@@ -73,7 +72,7 @@ class ShearCentre(WithinMember):
         """Return the parameters on which the member's stiffness depends."""
         return elements_of(model, self.member, "E")
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Return the section's distance."""
         return ({"share": 1.0},)
 

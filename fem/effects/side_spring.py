@@ -1,15 +1,14 @@
 """A spring to the ground somewhere along a member: a stop, a hanger, a guide, an elastic support."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Role, Site, Yardstick
-from fem.effects.on_member import AtPosition
-from fem.effects.places import frame_of, is_bar, odd_stiffness, typical_stiffness
-from fem.elements.frame import Frame
+from fem.declarations import Entry, Role, Site, StiffnessAt, Yardstick
+from fem.effects.on_member import AtPosition, position_between
+from fem.effects.places import bending_members, frame_of, odd_stiffness, typical_stiffness
 from fem.model import Contribution, Model, Parameter
 
 
@@ -58,7 +57,7 @@ class SideSpring(AtPosition):
         edge = 0.03 * self.length
         return (
             Parameter("stiffness", "N/m", self.stiffness, 0.0, 0.0, 1e8 * self.reference, linear=True),
-            Parameter("position", "m", self.position, self.position, edge, self.length - edge, position=True),
+            position_between(self.position, edge, self.length - edge),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -69,7 +68,7 @@ class SideSpring(AtPosition):
         n = frame_of(model).rotations(mesh, [line])[0]["xyz".index(self.direction)] @ N[:3]
         return (Contribution(dofs[None], (self.stiffness * np.outer(n, n))[None]),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From a soft suspension to a support, at nine places."""
         return tuple(
             {"stiffness": float(f * self.reference), "position": float(x * self.length)}
@@ -80,25 +79,22 @@ class SideSpring(AtPosition):
     @classmethod
     def propose(cls, model: Model) -> tuple[Self, ...]:
         """Return both axes of each member that bends."""
-        if not model.of_kind(Frame):
-            return ()
-        out: list[Self] = []
-        reference = typical_stiffness(model, "x")
-        for m in model.mesh.members:
-            length = model.mesh.member_length(m)
-            for d in () if is_bar(model, m) else ("y", "z"):
-                out.append(
-                    cls(
-                        name=f"side_spring:{m}.{d}",
-                        member=m,
-                        direction=d,
-                        position=length / 2,
-                        stiffness=0.0,
-                        length=length,
-                        reference=reference,
-                    )
-                )
-        return tuple(out)
+        members = bending_members(model)
+        reference = typical_stiffness(model, "x") if members else 0.0
+        return tuple(
+            cls(
+                name=f"side_spring:{m}.{d}",
+                member=m,
+                direction=d,
+                position=length / 2,
+                stiffness=0.0,
+                length=length,
+                reference=reference,
+            )
+            for m in members
+            for length in [model.mesh.member_length(m)]
+            for d in ("y", "z")
+        )
 
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield an absurd stiffness."""

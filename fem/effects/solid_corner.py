@@ -1,13 +1,13 @@
 """Corners of finite size: the common volume of two welded members is one body, and nearly rigid."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role, Site
+from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.places import elements_of, frame_of, is_bar, reaches, section_extent, sheared_frame
 from fem.elements.frame import Frame
 from fem.elements.stretches import at_least, mass_of_stretches, stiffening
@@ -129,7 +129,7 @@ class SolidCorner(Effect):
         members = dict.fromkeys(z.member for z in self.zones)
         return tuple(dict.fromkeys(ref for m in members for ref in elements_of(model, m, "E", "rho")))
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """From a tenth to one and a half of the size by the sections."""
         factor = float(np.real(self.rigid_zone_factor))
         return tuple({"size": s, "rigid_zone_factor": factor} for s in (0.1, 0.25, 0.5, 1.0, 1.5))

@@ -1,13 +1,12 @@
 """A loss of stiffness over part of a member, at a position that may be estimated."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Relevant, Role
-from fem.effects.on_member import AtPosition, WithinMember
+from fem.declarations import Entry, Marker, Relevant, Role, StiffnessAt
+from fem.effects.on_member import AtPosition, WithinMember, position_between
 from fem.effects.places import elements_of, is_sprung, sheared_frame
 from fem.elements.stretches import loss_of_stretch
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -54,15 +53,7 @@ class StiffnessLoss(AtPosition, WithinMember):
         """Loss and position."""
         return (
             Parameter("loss", "-", self.loss, 0.0, 0.0, 0.98, linear=self.affine),
-            Parameter(
-                "position",
-                "m",
-                self.position,
-                self.position,
-                self.width / 2,
-                self.length - self.width / 2,
-                position=True,
-            ),
+            position_between(self.position, self.width / 2, self.length - self.width / 2),
         )
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
@@ -74,7 +65,7 @@ class StiffnessLoss(AtPosition, WithinMember):
         """Return the parameters on which the member's stiffness depends."""
         return elements_of(model, self.member, "E")
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Losses of 3 to 90 % at ten places along the member."""
         return tuple(
             {"loss": f, "position": float(x * self.length)}
@@ -82,9 +73,7 @@ class StiffnessLoss(AtPosition, WithinMember):
             for f in (0.03, 0.1, 0.3, 0.6, 0.9)
         )
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return the loss of stiffness at a crack of a relevant depth."""
         return 1 - (1 - sizes.cracks) ** 3
 

@@ -161,7 +161,8 @@ class Superelement(Effect):
             check_tied(matrices, attachments, where)
         warn_of_units(matrices, mesh, attachments, where)
         G, n_b = interface_map(matrices, mesh, attachments, where)
-        K, M, C, D = (None if X is None else sp.csc_array(G.T @ X @ G) for X in _four(matrices))
+        four = matrices.K, matrices.M, matrices.C, matrices.D
+        K, M, C, D = (None if X is None else sp.csc_array(G.T @ X @ G) for X in four)
         assert K is not None
         assert M is not None
         n_z = K.shape[0] - n_b
@@ -320,8 +321,3 @@ class Superelement(Effect):
     def locations(self, model: Model) -> NDArray[np.float64]:
         """Return the points."""
         return model.mesh.points[list(self.points)]
-
-
-def _four(matrices: Matrices) -> tuple[Any, Any, Any, Any]:
-    """Return K, M, C and D."""
-    return matrices.K, matrices.M, matrices.C, matrices.D

@@ -1,12 +1,11 @@
 """A support that is flexible in a direction in which it is rigid in the model."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
 
-from fem.declarations import Entry, Marker, Relevant, Role
+from fem.declarations import Entry, Marker, Relevant, Role, StiffnessAt
 from fem.effects.joint import joint_unit
 from fem.effects.places import OnSupports
 from fem.effects.support import Support
@@ -15,17 +14,7 @@ from fem.model import DIRECTIONS, Contribution, Model, Parameter
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SupportFlexibility(OnSupports):
-    """One spring stiffness to ground, in one direction, at one support or alike at several.
-
-    Attributes
-    ----------
-    supports : tuple of str
-        Names of supports that hold the direction.
-    direction : str
-        One of x, y, z, rx, ry, rz.
-    stiffness : float
-        Of each [N/m or N·m/rad]; absent is infinite.
-    """
+    """One spring stiffness to ground, in one direction, at one support or alike at several."""
 
     kind: ClassVar[str] = "support_flexibility"
     role: ClassVar[Role] = Role.STIFFNESS
@@ -39,31 +28,19 @@ class SupportFlexibility(OnSupports):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the stiffness."""
-        return (
-            Parameter(
-                "stiffness",
-                joint_unit(self.direction),
-                self.stiffness,
-                np.inf,
-                1e-6,
-                1e18,
-                log=True,
-                linear=True,
-            ),
-        )
+        unit = joint_unit(self.direction)
+        return (Parameter("stiffness", unit, self.stiffness, np.inf, 1e-6, 1e18, log=True, linear=True),)
 
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the springs."""
         return (Contribution(*self.springs(model)),)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Six decades around the stiffness of the structure at the supports."""
         k = float(np.median([scale(key) for key in self.released()]))
         return tuple({"stiffness": float(f * k)} for f in np.geomspace(1e-3, 1e3, 31))
 
-    def relevant(
-        self, sizes: Relevant, mass: float, scale: Callable[[tuple[str, str]], float]
-    ) -> float | None:
+    def relevant(self, sizes: Relevant, mass: float, scale: StiffnessAt) -> float | None:
         """Return the stiffness that leaves a relevant share of the flexibility to the supports."""
         return sizes.softness(float(np.median([scale(key) for key in self.released()])))
 

@@ -1,13 +1,12 @@
 """A clamp that supports its member at another place."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.declarations import Entry, Marker, Role, Site
+from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.giving_way import cut_parameters, place_at
 from fem.effects.mounting import REACH, members_at, shifts
 from fem.effects.places import elements_of, frame_of
@@ -80,7 +79,7 @@ class SupportShift(Effect):
         """Return the support's constraints."""
         return tuple((self.support, d) for d in DIRECTIONS)
 
-    def starts(self, scale: Callable[[tuple[str, str]], float]) -> tuple[dict[str, float], ...]:
+    def starts(self, scale: StiffnessAt) -> tuple[dict[str, float], ...]:
         """Return shifts either way, as far as the bounds allow."""
         return shifts(self.lower, self.upper)
 

@@ -28,9 +28,10 @@ if TYPE_CHECKING:
     from fem.io.part_mesh import read_part_faces
     from fem.io.reading import UFF_SUFFIXES, read_frf, read_modes
     from fem.io.time_data import read_time_data
-    from fem.io.uff import UffFile, read_uff, write_uff
+    from fem.io.uff import UffFile, read_uff
     from fem.io.uff_format import UffError, label_of, parse_label
     from fem.io.uff_types import Function, Points
+    from fem.io.uff_write import write_uff
     from fem.io.units import G0
     from fem.matrices import Matrices, MatricesError
 else:

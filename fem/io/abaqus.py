@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fem.array_types import Floats, Ints
 from fem.io import abaqus_generate as generate
 from fem.io.abaqus_assembly import Assembly, Instance
 from fem.io.abaqus_deck import (
@@ -29,7 +30,6 @@ from fem.io.abaqus_deck import (
 from fem.io.abaqus_keywords import CENTRED, HARMLESS, NAMED, READ, REFUSED, SECTIONS, nodes_of
 from fem.io.abaqus_parts import AbaqusPart, Skipped
 from fem.io.abaqus_sets import AbaqusSetEntry
-from fem.io.array_types import Floats, Ints
 from fem.io.deck import DeckBudget, integer, real
 from fem.io.faults import error_at, refuse
 from fem.io.rawmesh import RawMesh

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.io.abaqus_content import Content, Placed, check, data, lines_of, numbers_of, read_integer
 from fem.io.abaqus_deck import AbaqusBlock, fault
 from fem.io.abaqus_materials import Materials
 from fem.io.abaqus_sections import ABAQUS_K, SHAPES, AbaqusShape, arbitrary
-from fem.io.array_types import Floats
 from fem.io.deck import real
 from fem.io.frame_sections import material_of, of_constants, rod, with_shear
 from fem.materials import Material, PropertyError

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import Content, Placed, check, dofs_of, lines_of, numbers_of, read_integer
 from fem.io.abaqus_deck import AbaqusBlock, fault, name_of
 from fem.io.abaqus_systems import AbaqusSystems
-from fem.io.array_types import Floats
 from fem.io.faults import error_at
 from fem.io.frame_deck import Equation, Link
 from fem.io.frame_parts import Constraints

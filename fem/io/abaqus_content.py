@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fem.array_types import Floats, Ints
 from fem.io import abaqus_frame_keywords as known
 from fem.io.abaqus import DeckReader
 from fem.io.abaqus_assembly import Assembly, Instance
@@ -15,7 +16,6 @@ from fem.io.abaqus_deck import AbaqusBlock, AbaqusRows, cells_of, fault, name_of
 from fem.io.abaqus_keywords import HARMLESS, READ, REFUSED, nodes_of
 from fem.io.abaqus_parts import LARGEST as LARGEST_NUMBER
 from fem.io.abaqus_parts import AbaqusPart
-from fem.io.array_types import Floats, Ints
 from fem.io.deck import integer, named, real
 from fem.io.deck_units import DeckUnits
 from fem.io.faults import error_at, refuse

@@ -10,10 +10,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fem.array_types import Floats, Ints
 from fem.io.abaqus_deck import AbaqusBlock, name_of
 from fem.io.abaqus_parts import AbaqusPart, Skipped
 from fem.io.abaqus_sets import AbaqusSetEntry
-from fem.io.array_types import Floats, Ints
 from fem.io.deck import DeckBudget, integer, real
 from fem.io.faults import error_at, refuse
 from fem.mesh import MeshError

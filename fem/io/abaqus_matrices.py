@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fem.io.columns import cut_number
+from fem.io.columns import cut_number, is_number
 from fem.matrices import MatricesError
 from fem.model import lever_matrix
 
@@ -52,18 +52,11 @@ def number_rows(file: Path, text: str, width: int) -> NDArray[np.float64]:
     except (ValueError, DeprecationWarning):
         pass
     for k, line in enumerate(text.splitlines(), start=1):
-        if line.strip() and not (len(line.split()) == width and all(map(_is_number, line.split()))):
+        if line.strip() and not (len(line.split()) == width and all(map(is_number, line.split()))):
             msg = f"{file.name}, line {k}: {line.strip()[:50]!r} is found where {width} numbers are expected"
             raise MatricesError(msg)
     msg = f"{file.name}: lines of {width} numbers are expected"
     raise MatricesError(msg)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return bool(np.isfinite(float(word)))
-    except ValueError:
-        return False
 
 
 def read_entries(files: dict[str, Path]) -> dict[str, Any]:

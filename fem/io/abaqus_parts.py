@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Bools, Floats, Ints
 from fem.io.abaqus_sets import Sets
-from fem.io.array_types import Bools, Floats, Ints
 from fem.io.faults import error_at
 from fem.mesh import MeshError
 

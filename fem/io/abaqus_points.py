@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import DIRECTIONS, Content, Placed, check, data, lines_of
 from fem.io.abaqus_deck import AbaqusBlock, fault
 from fem.io.abaqus_systems import AbaqusSystems
-from fem.io.array_types import Floats
 from fem.io.faults import error_at
 from fem.io.frame_deck import Body, Connection, Link
 from fem.io.frame_parts import axes_along, entry

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fem.io.array_types import Ints
+from fem.array_types import Ints
 from fem.io.faults import error_at
 from fem.mesh import MeshError
 

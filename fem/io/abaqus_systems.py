@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import Content, Placed, check, lines_of, numbers_of
 from fem.io.abaqus_deck import AbaqusBlock, fault
 from fem.io.abaqus_generate import rotation
-from fem.io.array_types import Floats
 from fem.io.frame_parts import axes_along, parallel
 
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.io.ansys_content import ON_AXIS, AnsysDeck, AnsysElement
 from fem.io.ansys_deck import read_deck
 from fem.io.ansys_sections import PlacedSection, placed_section
 from fem.io.ansys_systems import rotation
-from fem.io.array_types import Floats
 from fem.io.deck import named
 from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link

@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.io.ansys_content import LABELS, ON_AXIS, AnsysElement
 from fem.io.ansys_script import Command
 from fem.io.ansys_state import ELEM, NODE, AnsysState
-from fem.io.array_types import Floats
 
 
 def _whole(state: AnsysState, kind: str, how: str) -> bool:

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.io.ansys_content import LABELS, AnsysDeck, AnsysElement, SectionCommand
 from fem.io.ansys_parameters import Parameters
 from fem.io.ansys_script import Command, Script
 from fem.io.ansys_systems import GLOBAL, AnsysSystem
-from fem.io.array_types import Floats
 from fem.io.deck import DeckBudget, words
 
 NODE, ELEM = "NODE", "ELEM"

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 
 
 def rotation(thxy: float, thyz: float, thzx: float) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.deck_nodes import (
     FIRST_OF_PART,
     Term,

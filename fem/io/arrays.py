@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, STRAIN, TRANSMISSIBILITY, FRFError, FRFKind
 from fem.analysis.modes import Modes
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.atomic import replacing
 from fem.io.faults import error_at, refuse
 

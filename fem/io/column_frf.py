@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
-from fem.io.array_types import Floats
+from fem.array_types import Complexes, Floats
 from fem.io.arrays import TableError
 from fem.io.columns import Columns, read_columns
 from fem.io.faults import error_at, refuse
@@ -437,7 +436,7 @@ class _Table:
             'radians; give form = "magnitude-degrees" or "magnitude-radians"'
         )
 
-    def _values(self, curve: _Curve) -> NDArray[np.complex128] | Floats:
+    def _values(self, curve: _Curve) -> Complexes | Floats:
         """Return an FRF in the file's unit."""
         a = self.table.values[:, curve.first.at]
         if curve.form == "complex":

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Complexes, Floats, Ints
 from fem.io.arrays import TableError
 from fem.io.faults import error_at
 from fem.io.frf_labels import frequency_factor
@@ -75,7 +74,7 @@ class Columns:
     heads: tuple[tuple[str, ...], ...]
     header: tuple[str, ...]
     lines: Ints
-    values: Floats | NDArray[np.complex128]
+    values: Floats | Complexes
     stamped: bool = False
     rows: tuple[tuple[str, ...], ...] = ()
 
@@ -140,6 +139,14 @@ def seconds_of(rows: Sequence[tuple[int, str]]) -> tuple[list[tuple[int, str]], 
         seconds = f"{Decimal(int(at - first[0])) + Decimal(pico - first[1]).scaleb(-12):f}"
         out.append((line, seconds.replace(".", mark or ".") + text[end:]))
     return out, first is not None
+
+
+def is_number(word: str) -> bool:
+    """Whether a word is a finite number."""
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False
 
 
 def cut_number(numbers: Sequence[str], others: Sequence[str]) -> str:
@@ -344,7 +351,7 @@ class _Text:
         widths = [len(c) for _, line in sample if self._is_data(c := self.filled(line))]
         return max(set(widths), key=widths.count) if widths else -1
 
-    def _numbers(self, body: Sequence[tuple[int, str]]) -> tuple[Floats | NDArray[np.complex128], Ints]:
+    def _numbers(self, body: Sequence[tuple[int, str]]) -> tuple[Floats | Complexes, Ints]:
         first = self.filled(body[0][1])
         width = len(first)
         is_complex = any(self._is_complex(c) for c in first[1:])
@@ -369,9 +376,7 @@ class _Text:
                 self.refuse(f"line {line}, column {column + 1} has {cell[:30]!r} where a number is expected")
         raise AssertionError
 
-    def _refuse_infinite(
-        self, values: NDArray[np.complex128] | Floats, body: Sequence[tuple[int, str]]
-    ) -> None:
+    def _refuse_infinite(self, values: Complexes | Floats, body: Sequence[tuple[int, str]]) -> None:
         bad = np.argwhere(~np.isfinite(values))
         if bad.size:
             row, column = (int(v) for v in bad[0])

@@ -11,8 +11,8 @@ from scipy.linalg import qr
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fem.array_types import Floats
 from fem.elements.axes import axes_of
-from fem.io.array_types import Floats
 from fem.io.deck_units import DeckUnits
 from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.materials import Material
 from fem.matrices import UNITS, MatricesError, consistent_units
 from fem.mesh import MeshError

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats, Ints
 from fem.elements.frame import Frame
-from fem.io.array_types import Floats, Ints
 from fem.io.arrays import write_npz
 from fem.io.atomic import replacing
 from fem.io.faults import error_at, refuse
@@ -64,7 +64,7 @@ def write_modes(
         return
     shapes = _rows(modes.shapes, mesh, "the mode shapes")
     if suffix in _UNIVERSAL:
-        from fem.io.uff import write_uff
+        from fem.io.uff_write import write_uff
 
         cut = Modes(modes.frequency, shapes, modes.zeta, (), modes.n_rigid)
         write_uff(path, modes=cut, mesh=mesh, modal_a=modal_a)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Floats, Ints
 from fem.materials import Material
 from fem.model import Damping
 from fem.sections.section import Section

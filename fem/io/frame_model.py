@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from fem.array_types import Bools, Floats, Ints
 from fem.chains import chains_of
 from fem.effects.added_mass import AddedMass
 from fem.effects.distributed_mass import DistributedMass
@@ -20,7 +21,6 @@ from fem.effects.support import Support
 from fem.elements.axes import axes_of, is_parallel
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
-from fem.io.array_types import Bools, Floats, Ints
 from fem.io.deck_units import DeckUnits
 from fem.io.faults import error_at
 from fem.io.frame_deck import Connection, FrameDeck

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from fem.io.array_types import Bools, Floats, Ints
+from fem.array_types import Bools, Floats, Ints
 from fem.io.frame_deck import Connection, FrameDeck, Link
 from fem.model import DIRECTIONS, lever_matrix
 

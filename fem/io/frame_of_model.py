@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fem.array_types import Floats, Ints
 from fem.connection_damping import ConnectionDamping
 from fem.effects.added_mass import AddedMass, PointMass
 from fem.effects.crack import Crack, EndRelease
@@ -32,7 +33,6 @@ from fem.effects.sprung_mass import SprungMass
 from fem.elements.frame import Frame, nominal
 from fem.elements.layout import CONSTANTS, layout_of
 from fem.elements.lines import Lines
-from fem.io.array_types import Floats, Ints
 from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
 from fem.io.frame_parts import Found
 from fem.mesh import Mesh

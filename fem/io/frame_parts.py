@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fem.io.array_types import Bools, Floats
+from fem.array_types import Bools, Floats
 from fem.io.frame_deck import Body, Connection, Equation, Link
 from fem.model import DIRECTIONS, lever_matrix
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.materials import Material, PropertyError
 from fem.sections.constants import LARGEST_SHEAR_COEFFICIENT
 from fem.sections.outlines import Integrals, integrate, turned

@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import Any
 
 from fem.analysis.frf import FRF, FRFKind
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.arrays import TableError
 from fem.io.uff_types import Function, Points
 

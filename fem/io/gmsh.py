@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fem.io.array_types import Ints
+from fem.array_types import Ints
 from fem.io.faults import error_at
 from fem.io.gmsh_elements import (
     Entity,

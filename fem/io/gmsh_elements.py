@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Floats, Ints
 from fem.io.gmsh_sections import Bytes, MshFile, Words
 
 _LINES = {1: 2, 8: 3, 26: 4, 27: 5, 28: 6, 62: 7, 63: 8, 64: 9, 65: 10, 66: 11}

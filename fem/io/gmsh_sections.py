@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Floats, Ints
 from fem.io.faults import error_at
 from fem.mesh import MeshError
 

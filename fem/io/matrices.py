@@ -21,9 +21,9 @@ import scipy
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Floats, Ints
 from fem.io.abaqus import read_abaqus_nodes
 from fem.io.abaqus_matrices import moves_freely
-from fem.io.array_types import Floats, Ints
 from fem.io.arrays import typed
 from fem.io.atomic import replacing
 from fem.io.columns import cut_number, text_of

@@ -12,7 +12,8 @@ from typing import NoReturn
 import numpy as np
 import scipy.sparse as sp
 
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Floats, Ints
+from fem.io.columns import is_number
 from fem.io.faults import refuse
 from fem.matrices import MatricesError
 
@@ -87,20 +88,13 @@ def _numbers(file: Path, first: int, body: list[str], width: int) -> Floats:
     if len(values) == sum(map(bool, kept)) and np.isfinite(values).all():
         return values
     for k, words in enumerate(kept):
-        if words and (len(words) != width or not all(map(_is_finite, words))):
+        if words and (len(words) != width or not all(map(is_number, words))):
             _refuse(
                 file,
                 first + k,
                 f"{body[k].strip()[:40]!r} is found where {width} finite number(s) are expected",
             )
     return values
-
-
-def _is_finite(word: str) -> bool:
-    try:
-        return bool(np.isfinite(float(word)))
-    except ValueError:
-        return False
 
 
 def _coordinate(

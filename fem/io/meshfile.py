@@ -91,7 +91,8 @@ def read_mesh(
 
 
 def _universal(file: Path) -> RawMesh:
-    from fem.io.uff import UffError, read_quietly
+    from fem.io.uff import read_quietly
+    from fem.io.uff_format import UffError
 
     try:
         return read_quietly(file).raw_mesh()
@@ -144,16 +145,12 @@ def write_mesh(
         with replacing(file) as scratch:
             scratch.write_text(text, encoding="utf-8", newline="\n")
     elif suffix in _UNIVERSAL:
-        from fem.io.uff import write_uff
+        from fem.io.uff_write import write_uff
 
         write_uff(file, mesh=mesh)
     else:
         data = [{k: np.asarray(v) for k, v in (given or {}).items()} for given in (point_data, line_data)]
         _write_by_meshio(mesh, file, *data)
-
-
-def _no_blanks(name: str) -> str:
-    return "_".join(name.split())
 
 
 def check_names(names: Iterable[str], file: str) -> None:
@@ -185,7 +182,9 @@ def _write_by_meshio(mesh: Mesh, file: Path, point_data: dict[str, Any], line_da
                 raise MeshError(msg)
     blanks = file.suffix.lower() != ".vtk"  # whose names have none
     if not blanks:
-        point_data, line_data = ({_no_blanks(k): v for k, v in d.items()} for d in (point_data, line_data))
+        point_data, line_data = (
+            {"_".join(k.split()): v for k, v in d.items()} for d in (point_data, line_data)
+        )
     cells = member_arrays(mesh, blanks) | line_data
     with quiet() as log, replacing(file) as scratch:
         import meshio

@@ -11,7 +11,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from fem.io.array_types import Ints
+from fem.array_types import Ints
 from fem.io.faults import error_at
 from fem.io.programs import ALLOWED
 from fem.io.rawmesh import RawMesh

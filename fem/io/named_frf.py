@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, FRFError, FRFKind
-from fem.io.array_types import Floats
+from fem.array_types import Complexes, Floats
 from fem.io.arrays import TableError
 from fem.io.faults import error_at
 from fem.io.frf_labels import NAMES, Unit, decibel_reference, frequency_factor, frf_unit
@@ -151,7 +150,7 @@ _AXIS_WORDS = {
     "input": ("input", "inputs", "in", "force", "forces", "reference", "references", "excitation", "i"),
 }
 
-Values = Floats | NDArray[np.complex128]
+Values = Floats | Complexes
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Floats, Ints
 from fem.io.deck import DeckBudget, integer, named
 from fem.io.faults import error_at, refuse
 from fem.io.nastran_cards import BulkData, Replicator, Run, columns_of, fields_of, real, runs_of
@@ -437,7 +437,7 @@ class Grids:
     systems: NastranSystems
 
     @property
-    def axes(self) -> dict[int, NDArray[np.float64]]:
+    def axes(self) -> dict[int, Floats]:
         """Directions of motions (3, 3) by the numbers of points where they are not basic.
 
         Raises

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fem.array_types import Bools, Floats, Ints
 from fem.elements.properties import STRAINS
-from fem.io.array_types import Bools, Floats, Ints
 from fem.io.frame_deck import BarProperty, Bars, Connection
 from fem.io.frame_parts import axes_along, entry, parallel
 from fem.io.nastran_deck import Card, NastranDeck

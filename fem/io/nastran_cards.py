@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fem.io.array_types import Ints
+from fem.array_types import Ints
 from fem.io.deck import DeckBudget, DeckFile, Files, integer
 from fem.io.deck import real as plain_real
 from fem.io.faults import error_at

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.deck_nodes import all_matrices, bar_axes, directions_in, solved_equations, with_nodes, wrapped
 from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import BarProperty, Bars
@@ -266,11 +266,9 @@ class _NastranWriter:
 
     def _material_in_place(self, name: str, new: Material) -> None:
         old = self.material_cards[name]
-        self._replace(old, *self._material_card(old, old.integer(0), new, self._old_material(name)))
+        before = next(p.material for p in self.changes.source.properties if p.material.name == name)
+        self._replace(old, *self._material_card(old, old.integer(0), new, before))
         self.made.append((name, new, old.integer(0)))
-
-    def _old_material(self, name: str) -> Material:
-        return next(p.material for p in self.changes.source.properties if p.material.name == name)
 
     def _material_card(self, old: Card, n: int, new: Material, was: Material) -> list[str]:
         """Return a material with the values of another one in proportion."""

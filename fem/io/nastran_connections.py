@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.frame_deck import Body, Connection
 from fem.io.frame_parts import axes_along, entry, parallel
 from fem.io.nastran_deck import Card, NastranDeck

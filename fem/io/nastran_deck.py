@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Floats, Ints
 from fem.io.deck import integer
 from fem.io.deck_units import DeckUnits
 from fem.io.faults import error_at

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.frame_deck import BarProperty
 from fem.io.frame_sections import material_of, rod, with_shear
 from fem.io.nastran_deck import Card, NastranDeck

@@ -13,6 +13,7 @@ from typing import Final
 from fem.io.faults import refuse
 from fem.io.frame_sections import angle, box, check_fit, of_constants, walled
 from fem.materials import PropertyError
+from fem.sections.profiles import cross_of_plates
 from fem.sections.section import Section
 
 NEGLIGIBLE: Final = 1e-6
@@ -44,13 +45,8 @@ def _cross(arms: float, tw: float, h: float, th: float) -> Section:
     if tw == th:
         return Section.cruciform(b, h, tw)
     check_fit(th < h, "the plates are thicker than the cross is high")
-    w, t, y, z = tw / 2, th / 2, b / 2, h / 2
-    quarter = [(w, -z), (w, -t), (y, -t)]
-    right = [*quarter, *((p, -q) for p, q in reversed(quarter))]
-    outline = [*right, *((-p, -q) for p, q in right)]
-    points = [(0.0, 0.0), (-y, 0.0), (y, 0.0), (0.0, -z), (0.0, z)]
+    outline, points, walls = cross_of_plates(b, h, tw, th)
     J = (h * tw**3 + arms * th**3) / 3
-    walls = [(1, 0), (0, 2), (3, 0), (0, 4)]
     return walled(f"cross {b:g} x {h:g} m", [outline], points, walls, [th, th, tw, tw], J)[0]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.deck import integer
 from fem.io.faults import error_at, refuse
 from fem.io.nastran_cards import real

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from fem.io.array_types import Bools, Floats, Ints
+from fem.array_types import Bools, Floats, Ints
 from fem.io.faults import error_at, refuse
 from fem.io.rawsets import LineSets, distinct, listed
 from fem.mesh import Mesh, MeshError, MeshWarning, merge_advice

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fem.io.array_types import Ints
+from fem.array_types import Ints
 from fem.mesh import free_name
 
 MOST_LISTED = 8

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.deck_nodes import bar_axes, text_of, wrapped
 from fem.io.faults import refuse
 from fem.io.frame_deck import BarProperty, Bars, FrameDeck

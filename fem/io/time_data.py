@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from fem.analysis.frf import FRFKind
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.arrays import TableError, named_arrays
 from fem.io.columns import Columns, read_columns
 from fem.io.faults import error_at

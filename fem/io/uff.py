@@ -17,27 +17,11 @@ from fem.analysis.modes import Modes
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh, mesh_of
 from fem.io.uff_elements import Elements, UffGroup
-from fem.io.uff_format import UffError, label_of, parse_label, split_blocks
+from fem.io.uff_format import UffError, split_blocks
 from fem.io.uff_mesh import raw_mesh_of
 from fem.io.uff_reader import FileReader
-from fem.io.uff_types import Function, Header, Points, TraceLine, UffElement, UffUnits
-from fem.io.uff_write import write_uff
+from fem.io.uff_types import Function, Header, Points, TraceLine, UffUnits
 from fem.mesh import Mesh
-
-__all__ = [
-    "Function",
-    "Header",
-    "Points",
-    "TraceLine",
-    "UffElement",
-    "UffError",
-    "UffFile",
-    "UffUnits",
-    "label_of",
-    "parse_label",
-    "read_uff",
-    "write_uff",
-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +144,7 @@ class UffFile:
             f"{len(self.frfs)} FRF matrices" if self.frfs else "",
             *(
                 f"{sum(f.type_name == name for f in self.functions)} x {name}"
-                for name in self._function_names()
+                for name in dict.fromkeys(f.type_name for f in self.functions)
             ),
             f"{sum(m.n_modes for m in self.modes)} mode shapes" if self.modes else "",
             f"{self.points.labels.size} points" if self.points else "",
@@ -168,9 +152,6 @@ class UffFile:
             f"{len(self.elements)} elements" if self.elements else "",
         ]
         return ", ".join(part for part in parts if part) or "nothing that can be read"
-
-    def _function_names(self) -> list[str]:
-        return list(dict.fromkeys(f.type_name for f in self.functions))
 
     def mesh(self) -> Mesh:
         """Return the lines of the file as a mesh: its rods, beams and pipes, or else its trace lines.

@@ -6,7 +6,7 @@ from typing import overload
 
 import numpy as np
 
-from fem.io.array_types import Bools, Ints
+from fem.array_types import Bools, Ints
 from fem.io.faults import refuse
 from fem.io.uff_format import UffBlock
 from fem.io.uff_numbers import Tokens, integer, integer_of, text_at, tokens

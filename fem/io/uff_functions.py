@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.faults import error_at, refuse
 from fem.io.uff_format import UffBlock, UffError, label_of, parse_label
 from fem.io.uff_nodes import UffNodes

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.io.array_types import Ints
+from fem.array_types import Ints
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh
 from fem.io.uff_elements import BEAMS, ENTITIES, Elements, UffGroup

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.io.array_types import Bools, Floats, Ints
+from fem.array_types import Bools, Floats, Ints
 from fem.io.faults import refuse
 from fem.io.uff_format import UffBlock, label_of, parse_label
 from fem.io.uff_numbers import integer_columns, line_of, records

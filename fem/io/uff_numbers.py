@@ -13,7 +13,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Floats, Ints
 from fem.io.faults import refuse
 from fem.io.uff_format import UffBlock
 

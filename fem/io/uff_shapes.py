@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.modes import Modes
-from fem.io.array_types import Floats, Ints
+from fem.array_types import Floats, Ints
 from fem.io.faults import refuse
 from fem.io.uff_format import UffBlock, UffError, label_of
 from fem.io.uff_numbers import integer, number_of, real, text_at, tokens
@@ -103,51 +103,32 @@ def _reals(block: UffBlock, record: int, count: int) -> list[float]:
 
 def _header_of_55(block: UffBlock) -> _Header | str:
     _, analysis, characteristic, result, data_type, per_node = _integers(block, 6, 6)
-    if analysis not in (2, 3, 7):
-        return f"analysis type {analysis} holds no mode shapes (2, 3 and 7 do)"
+    if other := _without_shapes(analysis):
+        return other
+    kind = analysis, characteristic, result, data_type, per_node
     number = _integers(block, 7, 4)[3]
-    frequency, mass, viscous, hysteretic, *_ = reals = _reals(block, 8, 6)
-    return _Header(
-        analysis,
-        characteristic,
-        result,
-        data_type,
-        per_node,
-        frequency,
-        mass,
-        viscous,
-        hysteretic,
-        complex(*reals[:2]),
-        complex(*reals[2:4]),
-        number,
-        9,
-    )
+    f, mass, viscous, hysteretic, *_ = reals = _reals(block, 8, 6)
+    pole = complex(*reals[:2]), complex(*reals[2:4])
+    return _Header(*kind, f, mass, viscous, hysteretic, *pole, number, 9)
 
 
 def _header_of_2414(block: UffBlock) -> _Header | str:
     _, analysis, characteristic, result, data_type, per_node = _integers(block, 9, 6)
-    if analysis not in (2, 3, 7):
-        return f"analysis type {analysis} holds no mode shapes (2, 3 and 7 do)"
+    if other := _without_shapes(analysis):
+        return other
+    kind = analysis, characteristic, result, data_type, per_node
     number = _integers(block, 10, 6)[5]
-    _, frequency, eigenvalue, mass, viscous, hysteretic = _reals(block, 12, 6)
+    _, f, eigenvalue, mass, viscous, hysteretic = _reals(block, 12, 6)
     more = _reals(block, 13, 6)
-    if not frequency and eigenvalue > 0:
-        frequency = float(np.sqrt(eigenvalue)) / (2 * np.pi)
-    return _Header(
-        analysis,
-        characteristic,
-        result,
-        data_type,
-        per_node,
-        frequency,
-        mass,
-        viscous,
-        hysteretic,
-        complex(*more[:2]),
-        complex(*more[2:4]),
-        number,
-        14,
-    )
+    if not f and eigenvalue > 0:
+        f = float(np.sqrt(eigenvalue)) / (2 * np.pi)
+    pole = complex(*more[:2]), complex(*more[2:4])
+    return _Header(*kind, f, mass, viscous, hysteretic, *pole, number, 14)
+
+
+def _without_shapes(analysis: int) -> str:
+    """Return why an analysis holds no mode shapes; nothing for one that does."""
+    return "" if analysis in (2, 3, 7) else f"analysis type {analysis} holds no mode shapes (2, 3 and 7 do)"
 
 
 def _nodal_values(block: UffBlock, count: int, first: int) -> tuple[Ints, Floats]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fem.io.array_types import Floats
+from fem.array_types import Floats
 from fem.io.faults import refuse
 from fem.io.uff_format import UffBlock
 from fem.io.uff_numbers import cells, integer, real, text_at

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRFKind
-from fem.io.array_types import Bools, Floats, Ints
+from fem.array_types import Bools, Floats, Ints
 from fem.io.faults import refuse
 from fem.io.uff_format import UffError
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
-from fem.io.array_types import Floats
+from fem.array_types import Complexes, Floats
 from fem.io.atomic import replacing
 from fem.io.faults import refuse
 from fem.io.uff_format import UffError, label_of, parse_label
@@ -432,7 +432,7 @@ def _shape_texts(modes: Modes, dofs: Mapping[str, str], modal_a: ArrayLike | str
     ]
 
 
-def pole_of(frequency: ArrayLike, zeta: ArrayLike) -> NDArray[np.complex128]:
+def pole_of(frequency: ArrayLike, zeta: ArrayLike) -> Complexes:
     """Return λ = -ζω + iω √(1 - ζ²) [rad/s] from natural frequencies [Hz] and damping ratios."""
     omega, zeta = 2 * np.pi * np.asarray(frequency, dtype=float), np.asarray(zeta, dtype=float)
     return -zeta * omega + 1j * omega * np.sqrt(np.maximum(0.0, 1 - zeta**2))

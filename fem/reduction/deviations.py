@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats, Ints
 from fem.model import Contribution
 from fem.reduction.frf_slopes import FrfSlopes
 from fem.reduction.modal_solution import ModalSolution, times
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.slopes_together import TINY, Ranges, SlopePart, SlopesTogether, together
 from fem.reduction.terms import ReducedTerm
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +30,7 @@ class EndChanges:
         What it reads for x = 1, as combinations of the basis's columns.
     """
 
-    of: NDArray[np.int64]
+    of: Ints
     along: Floats
 
     def added_to(self, ends: Floats, sizes: Floats) -> Floats:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.reduction.terms import ReducedTerm, motions_of
 
 TINY = 1e-12
@@ -14,7 +15,6 @@ TINY = 1e-12
 OUTSIDE = 1e-12
 """Share of the squares of a matrix that may be outside a range: rounding."""
 
-Floats = NDArray[np.float64]
 SlopePart = tuple[int, Any, ReducedTerm | None, Floats]
 """Row, factor at each line or its key, the term of a matrix (m, m), None of one on the basis, and it."""
 Ranges = dict[Any, "Range"]
@@ -79,12 +79,12 @@ class SlopesTogether:
         The parts, each row at most once in each.
     """
 
-    rows: NDArray[np.int64]
+    rows: Ints
     factors: list[Any]
     along: NDArray[np.float32] | None
     matrices: NDArray[np.float32]
     sizes: Floats
-    passes: list[NDArray[np.int64]]
+    passes: list[Ints]
 
 
 def together(parts: Sequence[SlopePart], ranges: Ranges) -> list[SlopesTogether]:
@@ -127,7 +127,7 @@ def _on_range(key: Any, L: Floats, matrices: Floats, ranges: Ranges) -> tuple[Fl
     return known.P @ matrices @ known.P.T, known.Z
 
 
-def _passes(rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+def _passes(rows: Ints) -> list[Ints]:
     """Return the numbers of all rows, those that are equal in different arrays."""
     out, left = [], np.arange(len(rows))
     while len(left):

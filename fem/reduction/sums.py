@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Contribution, Effect, Model
 from fem.system import sum_contributions
 from fem.tabulated import ChebyshevTable
-
-Floats = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-9
 """Singular values that are left out [-]."""

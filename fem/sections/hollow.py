@@ -4,10 +4,11 @@ from typing import Self
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.materials import PropertyError
 from fem.sections.constants import SectionConstants
 from fem.sections.dimensions import check_positive, check_radius, checked_ratio, shape_fields
-from fem.sections.outlines import Floats, box, integrate, regular_polygon, ring, with_arcs
+from fem.sections.outlines import box, integrate, regular_polygon, ring, with_arcs
 from fem.sections.shear import cowper_box, cowper_tube
 from fem.sections.walls import Walls, wall_constants
 

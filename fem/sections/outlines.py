@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Floats
 from fem.materials import PropertyError
 
-Floats = NDArray[np.float64]
 Fillet = tuple[float, float, float, float, float]
 """Corner y and z [m], the signs of the directions to the fillet, its radius [m]; below 0, it is cut off."""
 

@@ -6,10 +6,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fem.array_types import Floats
 from fem.materials import PropertyError
 from fem.sections.constants import SectionConstants
 from fem.sections.dimensions import checked_ratio
-from fem.sections.outlines import Floats, Integrals, closed_polygon, integrate, turned
+from fem.sections.outlines import Integrals, closed_polygon, integrate, turned
 from fem.sections.warping import warping_constants
 
 

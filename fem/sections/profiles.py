@@ -6,13 +6,26 @@ from typing import Any, Self
 
 import numpy as np
 
+from fem.array_types import Floats
 from fem.materials import PropertyError
 from fem.sections.constants import SectionConstants
 from fem.sections.dimensions import check_positive, check_radius, checked_ratio, shape_fields
-from fem.sections.outlines import Fillet, Floats, integrate, turned, with_arcs
+from fem.sections.outlines import Fillet, integrate, turned, with_arcs
 from fem.sections.shear import cowper_rectangle
 from fem.sections.torsion import CROSSING, END_LOSS, corner, t_junction
 from fem.sections.walls import Walls, wall_constants
+
+Places = list[tuple[float, float]]
+
+
+def cross_of_plates(b: float, h: float, tw: float, th: float) -> tuple[Places, Places, list[tuple[int, int]]]:
+    """Return outline, places and walls of two plates that cross: th thick along y, b wide, and tw along z."""
+    w, t, y, z = tw / 2, th / 2, b / 2, h / 2
+    quarter = [(w, -z), (w, -t), (y, -t)]
+    right = [*quarter, *((p, -q) for p, q in reversed(quarter))]
+    outline = [*right, *((-p, -q) for p, q in right)]
+    points = [(0.0, 0.0), (-y, 0.0), (y, 0.0), (0.0, -z), (0.0, z)]
+    return outline, points, [(1, 0), (0, 2), (3, 0), (0, 4)]
 
 
 class ProfileShapes(SectionConstants):
@@ -166,16 +179,13 @@ class ProfileShapes(SectionConstants):
         if t >= min(b, h):
             msg = f"cruciform: the thickness {t:g} m does not fit into plates of {b:g} and {h:g} m"
             raise PropertyError(msg)
-        w, y, z = t / 2, b / 2, h / 2
-        quarter = [(w, -z), (w, -w), (y, -w)]
-        right = [*quarter, *((p, -q) for p, q in reversed(quarter))]
-        outline = np.array([*right, *((-p, -q) for p, q in right)])
+        outline, points, walls = cross_of_plates(b, h, t, t)
         return cls._of_walls(
-            outline,
+            np.array(outline),
             [],
             [0] * 12,
-            [(0, 0), (-y, 0), (y, 0), (0, -z), (0, z)],
-            [(1, 0), (0, 2), (3, 0), (0, 4)],
+            points,
+            walls,
             [t, t, t, t],
             (b + h - t) * t**3 / 3 - 4 * END_LOSS * t**4 + CROSSING * t**4,
             shape_fields("cruciform", b=b, h=h, t=t),

@@ -17,12 +17,10 @@ Warping torsion and the concentration of stresses at inner corners are left out.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.sections.constants import SectionConstants
 from fem.sections.walls import Walls, wall_flows
-
-Floats = NDArray[np.float64]
 
 N_ANGLES = 72
 """Points around round sections: a largest stress between two of them is missed by 0.1 % at most."""

@@ -19,10 +19,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 
-Floats = NDArray[np.float64]
+from fem.array_types import Floats
 
 
 class WallConstants(NamedTuple):

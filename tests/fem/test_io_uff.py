@@ -20,7 +20,7 @@ from fem.io import (
     read_uff,
     write_uff,
 )
-from fem.io.uff import Header, TraceLine
+from fem.io.uff_types import Header, TraceLine
 
 
 def small_frf(kind="accelerance", outputs=("1Z+", "2X-"), inputs=("1Z+",), frequency=(0.0, 0.5, 1.0, 1.5)):

@@ -8,7 +8,7 @@ import pytest
 
 from fem import FRFKind, Mesh
 from fem.io import Function, Points, UffError, read_frf, read_mesh, read_uff, write_uff
-from fem.io.uff import TraceLine
+from fem.io.uff_types import TraceLine
 from fem.io.uff_units import force_factor, motion_factor
 from fem.io.units import FORCE, MOMENT, quotient_of
 

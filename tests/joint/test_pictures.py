@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from joint import explain_stiffness, l_curve
+from joint import explain_stiffness
 from viz import figure_png, plot_stiffness_entries, plot_stiffness_laws
-from viz.joints import plot_l_curve
 
 LINES = np.linspace(10.0, 500.0, 60)
 Z = np.einsum("f,ij->fij", 1e6 * (1 + 0.05j) + 0 * LINES, np.array([[2.0, 1.0], [1.0, 3.0]]))
@@ -62,15 +61,6 @@ def test_laws_are_drawn_with_their_sentence():
     figure = plot_stiffness_laws(laws, "bolt")
     assert "structural damping" in figure.get_axes()[0].get_title(loc="left")
     assert figure_png(figure)
-
-
-def test_an_l_curve_marks_its_corner():
-    rng = np.random.default_rng(0)
-    A = rng.standard_normal((3, 6, 6)) * np.logspace(0, -8, 6)
-    curve = l_curve(A, rng.standard_normal((3, 6, 1)))
-    figure = plot_l_curve(curve, chosen=1e-3)
-    texts = [t.get_text() for t in figure.legends[0].get_texts()]
-    assert texts == [f"corner: {curve.corner:.1e}", "chosen: 1.0e-03"]
 
 
 def study_of(name):

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from fem import FRF
-from viz import curves, draw, frequencies, heat_maps, joints, search, style
+from viz import curves, draw, frequencies, heat_maps, search, style
 
 F = np.linspace(1.0, 100.0, 200)
 
@@ -219,28 +219,6 @@ def test_mac_shows_values_and_both_sets_of_modes():
         "MAC [-]",
     )
     assert ax.images[0].get_clim() == (0, 1)
-
-
-def test_joint_stiffness_has_units_by_direction_and_prefixes():
-    w = 2 * np.pi * F
-    Z = np.zeros((F.size, 2, 2), dtype=complex)
-    Z[:, 0, 0], Z[:, 1, 1] = 2e6 + 30j * w, 900 + 0.1j * w
-    figure = joints.plot_joint_stiffness(F, Z, ["z", "U11:rx"], {"with spring": Z}, held_out=[(20, 30)])
-    labels = [ax.get_ylabel() for ax in figure.axes]
-    assert ["[MN/m]" in labels[0], "[N·m/rad]" in labels[2]] == [True, True]
-    assert [label[:2] for label in labels] == ["Re", "Im", "Re", "Im"]
-    assert np.allclose(figure.axes[0].lines[1].get_ydata(), 2.0)
-    assert figure.axes[3].get_xlabel() == "frequency [Hz]"
-    assert legend_texts(figure) == ["identified", "with spring", "held out from the fit"]
-
-
-def test_joint_stiffness_takes_the_diagonal_alone_and_gaps():
-    Z = np.full((F.size, 1), 5e3 + 10j)
-    Z[50:60] = np.nan
-    figure = joints.plot_joint_stiffness(F, Z, ["ry"])
-    assert "[kN·m/rad]" in figure.axes[0].get_ylabel()
-    with pytest.raises(ValueError, match="200 frequencies and 2 directions"):
-        joints.plot_joint_stiffness(F, Z, ["ry", "rz"])
 
 
 def test_position_marks_the_best_place():

@@ -6,9 +6,8 @@ import pytest
 import fem
 from fem.effects import MemberStiffness
 from tests.frames import portal
-from updating import UpdateSettings, l_curve, update
+from updating import UpdateSettings, update
 from viz import plot_convergence, plot_correlation, plot_parameters, style
-from viz.updating import plot_l_curve
 
 
 @pytest.fixture(scope="module")
@@ -57,15 +56,3 @@ def test_parameters_have_a_row_each_with_value_and_deviation(updated, tmp_path):
 def test_correlation_shows_the_matrix(updated):
     ax = plot_correlation(updated).axes[0]
     np.testing.assert_allclose(ax.images[0].get_array(), updated.correlation)
-
-
-def test_l_curve_marks_its_corner():
-    rng = np.random.default_rng(0)
-    A = rng.standard_normal((12, 6)) * 10.0 ** -np.arange(6)
-    curve = l_curve(A, A @ np.ones(6) + 1e-3 * rng.standard_normal(12))
-    figure = plot_l_curve(curve)
-    (ax,) = figure.axes
-    assert ax.get_xscale() == ax.get_yscale() == "log"
-    marker = ax.lines[1].get_xydata()
-    np.testing.assert_allclose(marker, [[curve.misfit[curve.corner], curve.size[curve.corner]]])
-    assert f"{curve.chosen:.3g}" in figure.legends[0].get_texts()[0].get_text()

@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.modes import Modes
+from fem.array_types import Complexes, Floats, Ints
 from fem.summary import fields_summary
 from updating.ambient.spectra import Peak, SingularSpectra
 from updating.ambient.subspace import SubspacePoles
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +60,7 @@ class AmbientModes:
     spectra_mac: Floats
     order: int
     stabilisation: SubspacePoles
-    members: tuple[NDArray[np.int64], ...]
+    members: tuple[Ints, ...]
     spectra: SingularSpectra
     unexplained: tuple[Peak, ...]
     duration: float

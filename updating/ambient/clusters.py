@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from updating.ambient.subspace import SubspacePoles
 
 CONFIDENCE = 3.0
@@ -12,9 +12,6 @@ CONFIDENCE = 3.0
 
 LEAST_SHARE = 0.5
 """Orders in which a mode has to be found, in parts of the orders from that of the record on [-]."""
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +26,7 @@ class Cluster:
         Weights of their mean, the inverse of their variances, with a sum of 1 [-].
     """
 
-    members: NDArray[np.int64]
+    members: Ints
     weight: Floats
 
 
@@ -39,7 +36,7 @@ def pole_std(deviation: Complexes) -> Floats:
     return np.sqrt((np.abs(deviation) ** 2).sum(axis=-1) / (n * (n - 1)))
 
 
-def determined(found: SubspacePoles) -> NDArray[np.bool_]:
+def determined(found: SubspacePoles) -> Bools:
     """Return which poles are known better than their own half-power half-width.
 
     The others are as likely poles of the noise: in a model of too high an order they take any place, so that
@@ -79,7 +76,7 @@ def clusters_of(found: SubspacePoles, order: int) -> tuple[Cluster, ...]:
     return tuple(sorted(out, key=lambda c: float(abs(found.poles[c.members] @ c.weight))))
 
 
-def _like(found: SubspacePoles, seed: int, free: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _like(found: SubspacePoles, seed: int, free: Bools) -> Ints:
     """Return the free poles that are the seed's within chance, the nearest of each order."""
     rows = np.flatnonzero(free)
     apart = np.abs(found.poles[rows] - found.poles[seed])

@@ -8,9 +8,10 @@ record ─ prepare_record → AmbientRecord ─ block_correlations → Correlati
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.modes import Modes
+from fem.array_types import Complexes, Floats
 from fem.linalg.solvers import one_thread
 from updating.ambient.ambient_modes import AmbientModes
 from updating.ambient.clusters import Cluster, clusters_of
@@ -19,9 +20,6 @@ from updating.ambient.record import AmbientRecord, prepare_record
 from updating.ambient.spectra import Peak, SingularSpectra, peaks_of, singular_spectra, spectra_mac
 from updating.ambient.subspace import SubspacePoles, decompose, fit_orders
 from updating.correlation.complexity import mean_phase_deviation, modal_phase_collinearity
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @one_thread()

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Floats
 from fem.summary import fields_summary
 
 LEAST_CHANNELS = 2
@@ -23,8 +24,6 @@ MOST_ROWS = 800
 
 BLOCKS = (64, 32, 16)
 """Numbers of blocks of a record from whose scatter uncertainty is: the largest that it is long enough for."""
-
-Floats = NDArray[np.float64]
 
 
 class AmbientError(ValueError):

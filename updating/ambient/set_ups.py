@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from fem.analysis.modes import Modes
+from fem.array_types import Bools, Complexes, Floats
 from fem.summary import fields_summary
 from updating.ambient.ambient_modes import AmbientModes, relative_std, unexplained_words
 from updating.ambient.clusters import CONFIDENCE
 from updating.ambient.record import AmbientError
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 HEAD = "mode  frequency [Hz]        damping ratio [%]     set-ups  scatter  shape ± [%]  MAC"
 Members = dict[int, int]
 """The mode of each set-up that has one, by the number of the set-up."""
@@ -105,7 +104,7 @@ class _SetUpParts:
 
     values: Complexes
     std: Floats
-    shared: NDArray[np.bool_]
+    shared: Bools
 
     @classmethod
     def of(

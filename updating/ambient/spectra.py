@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.summary import fields_summary
 from updating.ambient.record import AmbientRecord
 
@@ -13,10 +13,6 @@ AVERAGES = 32
 
 LONGEST = 4096
 """Samples of a segment at most."""
-
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

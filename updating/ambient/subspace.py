@@ -7,18 +7,14 @@ Correlations ─ decompose → Subspaces ─ fit_orders → SubspacePoles: poles
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import hadamard
 
+from fem.array_types import Complexes, Floats, Ints
 from fem.summary import fields_summary
 from updating.ambient.correlations import Correlations
 
 MATHEMATICAL_DAMPING = 0.2
 """Poles with a larger damping ratio are taken for mathematical ones [-]."""
-
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,12 +37,12 @@ class SubspacePoles:
         All orders that were computed.
     """
 
-    order: NDArray[np.int64]
+    order: Ints
     poles: Complexes
     shapes: Complexes
     pole_deviation: Complexes
     shape_deviation: Floats
-    orders: NDArray[np.int64]
+    orders: Ints
 
     __repr__ = fields_summary
 

@@ -42,36 +42,3 @@ if TYPE_CHECKING:
     )
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "DB_PER_NEPER",
-    "BandError",
-    "Comparison",
-    "CoordinateElimination",
-    "ModeComparison",
-    "ModePair",
-    "auto_mac",
-    "band_error",
-    "cmif",
-    "comac",
-    "compare",
-    "compare_modes",
-    "complex_log",
-    "cross_orthogonality",
-    "cross_signature_assurance",
-    "cross_signature_scale",
-    "ecomac",
-    "eliminate_coordinates",
-    "fdac",
-    "frac",
-    "log_ratio",
-    "mac",
-    "mac_without",
-    "modal_scale_factor",
-    "orthogonality",
-    "pair_modes",
-    "principal_angles",
-    "rms_db",
-    "signature_assurance",
-    "subspace_mac",
-]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.harmonic_balance import Receptances, solve_steady
+from fem.array_types import Complexes, Floats, Ints
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.deviations import Deviations
@@ -24,9 +25,6 @@ from updating.inference.frf_inputs import LINEAR, F, FrfInputs, LinearResponses
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import Fault
 from updating.quality.gates import at_level
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 def force_levels(
@@ -114,7 +112,7 @@ class LevelResponses(LinearResponses):
         assert deviations is None or deviations.stiff.shape[1] + deviations.lossy.shape[1] == 0
         return LevelEngine(problem, self.levels, frequency, refs, effects, release)
 
-    def receptance(self, problem: FrfInputs, result: FitResult, lines: NDArray[np.int64]) -> Complexes:
+    def receptance(self, problem: FrfInputs, result: FitResult, lines: Ints) -> Complexes:
         """Return the fitted model's receptances at all levels, at some lines."""
         f = problem.data.frequency[lines]
         engine = problem.engine(f, list(result.values), result.effects)

@@ -18,16 +18,7 @@ from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.carried import Between, CalibratedFrfs
 from updating.diagnosis.changes import change_of, similarity_of
 from updating.diagnosis.departures import departed
-from updating.diagnosis.diagnosis import (
-    CALIBRATED,
-    DAMPED,
-    FAULT,
-    FITTED,
-    N_CHECKED,
-    NOTHING,
-    UNEXPLAINED,
-    Diagnosis,
-)
+from updating.diagnosis.diagnosis import DAMPED, N_CHECKED, Diagnosis
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
 from updating.diagnosis.evidence.diagnosis import (
@@ -46,7 +37,17 @@ from updating.diagnosis.frf_modes import identified_in
 from updating.diagnosis.frf_states import ONE_STRUCTURE, changed_frf_problem, search_change
 from updating.diagnosis.laws import at_its_amplitude, with_laws
 from updating.diagnosis.separation import Decisive, next_measurements, what_decides
-from updating.diagnosis.verdict import explanations_of, posterior_of, reason_of, verdict_of
+from updating.diagnosis.verdict import (
+    CALIBRATED,
+    FAULT,
+    FITTED,
+    NOTHING,
+    UNEXPLAINED,
+    explanations_of,
+    posterior_of,
+    reason_of,
+    verdict_of,
+)
 from updating.inference.belief import TWIN_NATS
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit import FitProblem

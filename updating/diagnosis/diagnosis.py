@@ -11,14 +11,6 @@ from updating.diagnosis.amplitude import deviation_at_level
 from updating.diagnosis.carried import CalibratedFrfs
 from updating.diagnosis.frf_modes import FrfModes
 from updating.diagnosis.verdict import (
-    CALIBRATED,
-    EFFECT,
-    FAULT,
-    FITTED,
-    NOMINAL,
-    NOTHING,
-    UNEXPLAINED,
-    UNFINISHED,
     Stairs,
     Verdict,
 )
@@ -106,16 +98,3 @@ class Diagnosis(Verdict):
     def measured(self) -> FRF:
         """The measured FRFs as they were compared: in the band, wrong signs set right."""
         return self.problem.measured
-
-
-__all__ = [
-    "CALIBRATED",
-    "EFFECT",
-    "FAULT",
-    "FITTED",
-    "NOMINAL",
-    "NOTHING",
-    "UNEXPLAINED",
-    "UNFINISHED",
-    "Diagnosis",
-]

@@ -11,9 +11,9 @@ from functools import partial
 from typing import Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.modes import solve_eigenpairs
+from fem.array_types import Floats
 from fem.model import Effect, Model
 from fem.system import assemble
 from updating.correlation import DB_PER_NEPER
@@ -33,8 +33,6 @@ from updating.inference.preparation import FitOptions, ProblemOptions, build_pro
 from updating.inference.workers import ALONE, Workers
 from updating.measurement.measurement import Measurement
 from updating.quality.faults import corrected, find_faults
-
-Floats = NDArray[np.float64]
 
 ONE_STRUCTURE = Between()
 """Two states of one structure differ by effects, damping, and a small share of the form's error."""

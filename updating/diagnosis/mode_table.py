@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats
 from updating.inference.mode_fit import DAMPING, FREQUENCY, ComputedModes
 from updating.inference.mode_targets import ModeTargets
 
 HALF = 0.5
 """What is less probable than all else together is not taken for the answer [-]."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +42,7 @@ class ModeTable:
     mac: Mapping[str, Floats]
     zeta: Floats
     zeta_computed: Mapping[str, Floats]
-    held_out: NDArray[np.bool_]
+    held_out: Bools
     found_std: Floats
     bad: Floats
 
@@ -98,7 +96,7 @@ class ModeTable:
         return list(self.zeta_computed.values())[-1]
 
     @property
-    def belongs(self) -> NDArray[np.bool_]:
+    def belongs(self) -> Bools:
         """Whether each mode is more probably the model's than not."""
         return ~(self.bad >= HALF)
 
@@ -127,7 +125,7 @@ class ModeTable:
         return frequency_error(self.measured, computed, (self.held_out == held_out) & self.belongs)
 
 
-def frequency_error(measured: Floats, computed: Floats, some: NDArray[np.bool_]) -> float:
+def frequency_error(measured: Floats, computed: Floats, some: Bools) -> float:
     """Return the root mean square of ln f ratios of some modes, NaN where none has a partner [-]."""
     some = some & np.isfinite(computed)
     if not some.any():

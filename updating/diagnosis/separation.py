@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from fem.analysis.frf import FRF
+from fem.array_types import Complexes, Floats, Ints
 from fem.lengths import length_text
 from fem.model import Model, parameter_values
 from updating.correlation import DB_PER_NEPER
@@ -37,9 +37,6 @@ N_AT_ONCE = 24
 """Number of new channels whose slopes are kept at once."""
 BAND_BEYOND = 1.5
 """The band is tried up to this multiple of the present one."""
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +241,7 @@ class _Separated:
     deviations: tuple[FormScatter | None, FormScatter | None]
     known: Floats
     n_fixed: int
-    bands: NDArray[np.int64]
+    bands: Ints
     sizes: Floats
     levels: Levels
     left: tuple[Floats, Floats]
@@ -338,7 +335,7 @@ class _Separated:
         here, share = np.zeros(len(w), dtype=np.int64), np.array([1 / len(w)])
         return self._evidence(rows, w, here, known, levels, mean[1:], share)
 
-    def _groups(self, frequency: Floats) -> NDArray[np.int64]:
+    def _groups(self, frequency: Floats) -> Ints:
         """Return the present group that each new line is in, or the next one."""
         data = replace(self.problem.data, frequency=frequency)
         found = replace(self.problem, data=data).band_of(np.arange(len(frequency)))
@@ -348,7 +345,7 @@ class _Separated:
     def _evidence(
         rows: Complexes,
         weight: Floats,
-        group: NDArray[np.int64],
+        group: Ints,
         known: Floats,
         levels: Levels,
         level: Floats,
@@ -377,7 +374,7 @@ class _Separated:
         excitations: Sequence[Sensor],
         frequency: Floats,
         deviations: Sequence[FormScatter | None],
-    ) -> tuple[Complexes, Complexes, Floats, NDArray[np.int64]]:
+    ) -> tuple[Complexes, Complexes, Floats, Ints]:
         """Return weighted residuals of the second fit in what the first predicts, slopes, and weights.
 
         (n_freq, n_out, n_in), (u, n_freq, n_out, n_in) and (n_freq, n_out, n_in), and the channels of whose

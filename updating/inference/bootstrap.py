@@ -14,15 +14,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import ModelError
 from updating.inference.fitting import refit as fitted_again
 from updating.inference.problem import Problem
 from updating.inference.unknowns import Uncertain, Unknown
 from updating.inference.updated import Ending, Updated
-
-Floats = NDArray[np.float64]
 
 ENDED = (Ending.CONVERGED, Ending.AT_BOUNDS)
 """Endings of refits that count."""

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from fem.array_types import Complexes, Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)

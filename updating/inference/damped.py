@@ -13,6 +13,7 @@ from typing import Any, Generic
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.reduction.modal_solution import times
 from updating.inference.frf_inputs import F, FrfInputs
 from updating.modal.poles import channel_sizes, poles_of_order
@@ -23,7 +24,6 @@ LEAST_LINES = 4
 """With fewer such lines there is nothing to fit."""
 HIGHEST_ORDER, LINES_PER_ORDER = 120, 4
 """Order of the rational function, and how many lines it needs for each at least."""
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,13 +47,13 @@ class Continuation:
         Of the terms of R.
     """
 
-    frequency: NDArray[np.float64]
+    frequency: Floats
     rest: Complexes
     poles: Complexes
-    factors: NDArray[np.float64]
+    factors: Floats
 
     @classmethod
-    def of(cls, frequency: NDArray[np.float64], H: Complexes) -> Continuation:
+    def of(cls, frequency: Floats, H: Complexes) -> Continuation:
         """Find the rational function of FRFs by polyreference least squares."""
         s, known = 2j * np.pi * frequency, np.isfinite(H).all(axis=(1, 2))
         order = min(HIGHEST_ORDER, int(known.sum()) // LINES_PER_ORDER)
@@ -77,7 +77,7 @@ class Continuation:
         R = np.tensordot(_terms(s, s[-1].imag, poles), factors, axes=1)
         return cls(frequency, H - R, poles, factors)
 
-    def at(self, sigma: float) -> tuple[Complexes, NDArray[np.float64]]:
+    def at(self, sigma: float) -> tuple[Complexes, Floats]:
         """Return FRFs at a decay rate σ/2π [Hz], and the share of the kernel that known lines cover.
 
         Both (n_freq, n_out, n_in).

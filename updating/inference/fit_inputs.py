@@ -10,6 +10,7 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect
 from fem.recent import Unsent
 from fem.reduction.reduced_model import ReducedModel
@@ -19,8 +20,6 @@ from updating.inference.form_scatter import FormScatter
 from updating.inference.parameters import DampingCurve
 from updating.inference.solve import Solution
 from updating.inference.unknowns import ScaledUnknown, Uncertain, effect_unknowns, nuisance_unknowns
-
-Floats = NDArray[np.float64]
 
 
 class Data(Protocol):

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.linalg.solvers import one_thread
 from fem.model import Effect, parameter_values
 from updating.inference.defaults import BASIS_LINES, FULL_LINES
@@ -20,7 +20,6 @@ from updating.inference.problem import Problem
 from updating.inference.solve import TOLERANCE, Report, Solution
 from updating.least_squares.costs import Costs
 
-Floats = NDArray[np.float64]
 P = TypeVar("P", bound=Problem[Any])
 FULL: dict[str, Any] = {"n_lines": FULL_LINES}
 QUICK_LINES = 40
@@ -76,7 +75,7 @@ def fit(
         The end of a band's fit is where a step gains less than this [nats].
     watch : callable, optional
     """
-    x: NDArray[np.float64] | None = None
+    x: Floats | None = None
     function = solution = None
     for stage in stages if stages is not None else problem.stages:
         function = problem.residuals(effects, starts, stage, n_lines)
@@ -275,9 +274,7 @@ def _proper_prior(function: FitFunction, x: Floats) -> tuple[Floats, Floats]:
     return np.where(np.isfinite(std), off, 0.0), np.minimum(std, FLAT)
 
 
-def _density(
-    function: FitFunction, levels: Costs, x: Floats, rows: NDArray[np.int64], factors: Floats
-) -> float:
+def _density(function: FitFunction, levels: Costs, x: Floats, rows: Ints, factors: Floats) -> float:
     """Return the logarithm of the posterior density at x over all sizes of some priors, up to a constant.
 
     The density is 0, and its logarithm -inf, where there is no structure.

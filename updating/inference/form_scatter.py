@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.reduction.deviations import Deviations, EndChanges
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +22,7 @@ class ChannelScatter:
         Standard deviations of these.
     """
 
-    of: NDArray[np.int64]
+    of: Ints
     units: Floats
     std: Floats
 
@@ -91,7 +89,7 @@ class FormScatter:
     channels: ChannelScatter | None = None
 
     @property
-    def shifts(self) -> NDArray[np.int64]:
+    def shifts(self) -> Ints:
         """Which deviations are shifts of eigenvalues."""
         return np.arange(self.deviations.stiff.shape[1])
 

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.model import Effect, parameter_values
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.terms import ReducedTerm
 from updating.correlation import complex_log
 from updating.inference.defaults import FULL_LINES
 from updating.inference.fit_result import FitResult
-from updating.inference.residual_changes import Complexes, Floats, ResidualChanges
+from updating.inference.residual_changes import ResidualChanges
 
 VISIBLE = 1e-3
 """Changes of the compared FRFs below this are not seen: the directions measured do not have them [nepers]."""

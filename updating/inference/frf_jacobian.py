@@ -8,10 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.reduction.frf_slopes import FrfSlopes
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,11 +39,11 @@ class FrfJacobian:
     """
 
     slopes: FrfSlopes
-    first_refs: NDArray[np.int64]
+    first_refs: Ints
     n_refs: int
     by_damping: NDArray[np.float32]
     per: Complexes
-    keep: NDArray[np.bool_]
+    keep: Bools
     phase: bool = True
     most_used: ClassVar[int] = 3
 
@@ -56,7 +54,7 @@ class FrfJacobian:
         return n_variables, n_damping, self.slopes.first - self.n_refs, len(self.slopes.of)
 
     @property
-    def rows(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def rows(self) -> tuple[Ints, Ints]:
         """Numbers of the unknowns that change any residual, and of errors of sensors."""
         n_variables, n_damping, n_before, n_single = self._counts
         n_deviations = len(self.slopes.common) - self.n_refs - len(self.by_damping) + n_single
@@ -64,9 +62,7 @@ class FrfJacobian:
         every = np.arange(n_variables + n_damping + n_deviations)
         return np.delete(every, slice(first, first + n_single)), every[first : first + n_single]
 
-    def products(
-        self, r: Complexes, weight: Floats, member: NDArray[np.int64] | None = None
-    ) -> tuple[Floats, Floats]:
+    def products(self, r: Complexes, weight: Floats, member: Ints | None = None) -> tuple[Floats, Floats]:
         """Return the sums of :meth:`updating.least_squares.jacobian.Jacobian.products`.
 
         Groups are of whole lines that follow one another.

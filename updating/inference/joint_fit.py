@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Effect
 from updating.inference.fit_function import ROBUST, Errors, FitFunction
 from updating.inference.fit_result import FitResult
@@ -18,8 +18,6 @@ from updating.inference.solve import Solution
 from updating.least_squares.costs import Costs
 from updating.least_squares.loss import pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,9 +84,7 @@ class JointFunction(FitFunction[FrfInputs]):
         same = frf.problem, frf.effects, frf.variables, frf.start, frf.lines, frf.scatter
         return cls(*same, frf=frf, modes=modes)
 
-    def __call__(
-        self, x: NDArray[np.float64], gradient: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+    def __call__(self, x: Floats, gradient: bool) -> tuple[Complexes, Complexes | None]:
         """Return the residuals (m,) and their Jacobian (n, m), if asked."""
         frf, modes = self.frf, self.modes
         n = len(modes.start)
@@ -101,14 +97,14 @@ class JointFunction(FitFunction[FrfInputs]):
         return stacked, np.hstack([J, np.vstack([K, behind])])
 
     @property
-    def groups(self) -> NDArray[np.int64]:
+    def groups(self) -> Ints:
         """Band of each residual of an FRF, and kind of each of a mode, (m,)."""
         frf, modes = self.frf, self.modes
         # Groups of residuals of modes come behind those of FRFs from this number on
         return np.concatenate([frf.groups, 100 + modes.groups])
 
     @property
-    def of_modes(self) -> NDArray[np.bool_]:
+    def of_modes(self) -> Bools:
         """Which groups are those of modes, (n_groups,)."""
         return np.concatenate([self.frf.of_modes, self.modes.of_modes])
 

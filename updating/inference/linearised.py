@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats, Ints
 from updating.inference.determined import split_covariance
 from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fitting import FLAT
@@ -14,12 +14,8 @@ from updating.least_squares.costs import Costs
 from updating.least_squares.jacobian import DenseJacobian
 from updating.least_squares.loss import pseudo_huber_weight
 
-Floats = NDArray[np.float64]
 
-
-def whitened(
-    function: FitFunction, levels: Costs, x: Floats, rows: NDArray[np.int64]
-) -> tuple[Floats, Floats]:
+def whitened(function: FitFunction, levels: Costs, x: Floats, rows: Ints) -> tuple[Floats, Floats]:
     """Return the linear problem A d ≈ -r of some unknowns; all others are projected out with their priors.
 
     Parameters
@@ -62,12 +58,7 @@ def stated_quadratic(function: FitFunction, levels: Costs, x: Floats) -> tuple[F
 
 
 def covariance_of(
-    function: FitFunction,
-    levels: Costs,
-    x: Floats,
-    std: Floats,
-    precision: Floats | None,
-    fixed: NDArray[np.bool_],
+    function: FitFunction, levels: Costs, x: Floats, std: Floats, precision: Floats | None, fixed: Bools
 ) -> tuple[Floats, Floats]:
     """Return the covariance (n, n) of unknowns, and the directions (n, k) that the data do not determine.
 
@@ -97,7 +88,7 @@ def widths_of(function: FitFunction) -> Floats:
 
 
 def marginal_density(
-    function: FitFunction, levels: Costs, x: Floats, rows: NDArray[np.int64], prior: Prior
+    function: FitFunction, levels: Costs, x: Floats, rows: Ints, prior: Prior
 ) -> Callable[[Floats], float]:
     """Return the logarithm of the posterior density of some unknowns (k,), up to a constant.
 

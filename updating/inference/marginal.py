@@ -5,14 +5,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats, Ints
 from updating.least_squares.costs import Costs
 from updating.least_squares.jacobian import Jacobian
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 MOST_STEPS, MOST_HALVES = 12, 6
 """Steps to the most probable unknowns of a quadratic model, and halves of a step that goes too far."""
@@ -78,13 +75,7 @@ class Quadratic:
 
     @classmethod
     def of(
-        cls,
-        r: Complexes,
-        J: Jacobian,
-        member: NDArray[np.int64],
-        robust: float,
-        levels: Costs,
-        n_apart: int = 0,
+        cls, r: Complexes, J: Jacobian, member: Ints, robust: float, levels: Costs, n_apart: int = 0
     ) -> "Quadratic":
         """Make it of residuals (m,), their Jacobian and the group of each."""
         size = np.bincount(member)
@@ -149,9 +140,7 @@ def _shortened(cost: Callable[[float], float], now: float) -> tuple[float, float
     return 0.0, now
 
 
-def by_size(
-    near: Quadratic, deviation: Floats, std: Floats, rows: NDArray[np.int64], factors: Floats
-) -> list[Settled]:
+def by_size(near: Quadratic, deviation: Floats, std: Floats, rows: Ints, factors: Floats) -> list[Settled]:
     """Return the posteriors with some priors' standard deviations at multiples of theirs.
 
     Parameters

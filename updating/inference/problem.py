@@ -10,12 +10,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
 from updating.inference.damped import DampedFrfs
 from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit_function import FitFunction
-from updating.inference.fit_inputs import D, FitInputs, Floats
+from updating.inference.fit_inputs import D, FitInputs
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
 from updating.inference.mode_targets import ComputedModes, ModeTargets

@@ -8,15 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Effect
 from fem.reduction.terms import ReducedTerm
 from updating.inference.fit_result import FitResult
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(eq=False)
@@ -39,8 +34,8 @@ class ResidualChanges(ABC):
     base: FitResult
     function: Any
     x: Floats
-    some: NDArray[np.int64]
-    full_band: NDArray[np.bool_]
+    some: Ints
+    full_band: Bools
 
     @cached_property
     @abstractmethod

@@ -10,9 +10,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from fem.array_types import Complexes, Floats
 from fem.effects.places import frame_of
 from fem.elements.frame import Frame, member_contribution
 from fem.model import Contribution, Effect, Model
@@ -26,8 +26,6 @@ from updating.inference.form_scatter import ChannelScatter, FormScatter
 from updating.inference.frf_function import FrfFunction
 from updating.inference.frf_inputs import FrfInputs
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 N_SIZES = 5
 """Number of sizes of eigenvalues' shifts that are compared."""
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats, Ints
 from fem.model import Model, ModelError
 from updating.inference.belief import UNKNOWN_ODDS
 from updating.inference.determined import SEEN, SHARE, blind_words, taking_part
@@ -23,9 +23,6 @@ from updating.inference.unknowns import WIDTH, ScaledUnknown
 from updating.inference.update_settings import UpdateSettings
 from updating.inference.updated import Ending, Updated, UpdatedParameter, UpdateStep
 from updating.least_squares.costs import Costs
-
-Floats = NDArray[np.float64]
-
 
 PRIOR_SHARE = 0.9
 """Of parameters whose standard deviation stays above this part of the prior's the data say nothing [-]."""
@@ -67,13 +64,13 @@ class Ended:
     curve: LCurve | None
 
 
-def rows_of(function: FitFunction, asked: Sequence[ScaledUnknown]) -> NDArray[np.int64]:
+def rows_of(function: FitFunction, asked: Sequence[ScaledUnknown]) -> Ints:
     """Return where unknowns are among those of a function, as far as it has them."""
     known = {v.refs: k for k, v in enumerate(function.variables)}
     return np.array([known[u.refs] for u in asked if u.refs in known], dtype=np.int64)
 
 
-def _damping_rows(function: FitFunction) -> NDArray[np.int64]:
+def _damping_rows(function: FitFunction) -> Ints:
     """Return where the ratios at the knots of the damping curve are, if they are unknown."""
     curve, n = function.problem.damping, len(function.variables)
     known = curve.std < KNOWN_DAMPING or not function.problem.data.has_damping
@@ -161,7 +158,7 @@ def result_of(
     )
 
 
-def _covariance(ended: Ended, bound: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def _covariance(ended: Ended, bound: Bools) -> tuple[Floats, Floats]:
     """Return the covariance (n, n) of all unknowns, and the directions that the data do not determine."""
     function, scatter = ended.function, ended.function.scatter
     _, std = function.prior_at(ended.x)
@@ -176,12 +173,7 @@ def _covariance(ended: Ended, bound: NDArray[np.bool_]) -> tuple[Floats, Floats]
 
 
 def _full_covariance(
-    every: Floats,
-    use: NDArray[np.int64],
-    asked: Sequence[ScaledUnknown],
-    function: FitFunction,
-    x: Floats,
-    lost: NDArray[np.bool_],
+    every: Floats, use: Ints, asked: Sequence[ScaledUnknown], function: FitFunction, x: Floats, lost: Bools
 ) -> tuple[Floats, Floats]:
     """Return the covariance of the parameters of a result on their scales, and the slopes of their values."""
     there = [u.refs in {v.refs for v in function.variables} for u in asked]
@@ -196,7 +188,7 @@ def _full_covariance(
 
 
 def _parameters(
-    ended: Ended, asked: Sequence[ScaledUnknown], left_out: set[str], std: Floats, bound: NDArray[np.bool_]
+    ended: Ended, asked: Sequence[ScaledUnknown], left_out: set[str], std: Floats, bound: Bools
 ) -> tuple[UpdatedParameter, ...]:
     function, x, curve = ended.function, ended.x, ended.problem.damping
     row = {v.refs: k for k, v in enumerate(function.variables)}
@@ -330,7 +322,7 @@ def _messages(
     return tuple(out)
 
 
-def _unmoved(ended: Ended, rows: NDArray[np.int64], modes: ComputedModes | None) -> list[str]:
+def _unmoved(ended: Ended, rows: Ints, modes: ComputedModes | None) -> list[str]:
     """Name the measured modes that no parameter moves and the model misses."""
     function, measured = ended.function, ended.problem.measured_modes
     steps = np.zeros(len(ended.x))
@@ -351,7 +343,7 @@ def _unmoved(ended: Ended, rows: NDArray[np.int64], modes: ComputedModes | None)
     ]
 
 
-def _moved_besides(ended: Ended, rows: NDArray[np.int64]) -> list[str]:
+def _moved_besides(ended: Ended, rows: Ints) -> list[str]:
     """Name what varied with the parameters and went far from where it is known to be."""
     function, n = ended.function, len(ended.function.variables)
     prior = function.prior()
@@ -368,11 +360,7 @@ def _moved_besides(ended: Ended, rows: NDArray[np.int64]) -> list[str]:
 
 
 def _samples(
-    ended: Ended,
-    asked: Sequence[ScaledUnknown],
-    covariance: Floats,
-    kept: NDArray[np.bool_],
-    settings: UpdateSettings,
+    ended: Ended, asked: Sequence[ScaledUnknown], covariance: Floats, kept: Bools, settings: UpdateSettings
 ) -> Samples:
     function = ended.function
     rows = np.concatenate([rows_of(function, asked), _damping_rows(function)])

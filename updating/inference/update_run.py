@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Model, ModelError
 from updating.inference.determined import blind_directions, taking_part
 from updating.inference.fit_function import FitFunction
@@ -30,7 +30,6 @@ from updating.inference.update_result import Ended, result_of, rows_of, values_o
 from updating.inference.update_settings import UpdateSettings
 from updating.inference.updated import Updated, UpdateStep
 
-Floats = NDArray[np.float64]
 P = TypeVar("P", bound=Problem[Any])
 
 _REACH = 3.0

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats, Ints
 from fem.model import Model
 from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble
@@ -19,17 +19,15 @@ LEAST_MOTION = 0.01
 EIGENVALUE_TOLERANCE = 1e-6
 """Eigenvalues nearer than this, relatively, are one whose vectors may be any of their combinations [-]."""
 
-Floats = NDArray[np.float64]
-
 
 def visible_modes(
     reduced: ReducedModel,
     targets: ModeTargets,
     mass: float,
     eigenvalues: Floats,
-    n_rigid: NDArray[np.int64],
+    n_rigid: Ints,
     vectors: Floats,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Return which computed modes of n models a test could have measured, (n, r).
 
     Left out are motions of rigid bodies, those mostly out of the plane of the test, and those without motion
@@ -112,7 +110,7 @@ def _motion(reduced: ReducedModel, axes: str) -> Floats:
     return reduced.projected(("motion", axes), part)[1]
 
 
-def _alike(eigenvalues: Floats, there: NDArray[np.bool_]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+def _alike(eigenvalues: Floats, there: Bools) -> Iterator[tuple[int, Ints]]:
     """Yield models and those of their modes (n, r) that share one frequency, of modes that are ``there``."""
     near = np.diff(eigenvalues, axis=1) <= EIGENVALUE_TOLERANCE * eigenvalues[:, 1:]
     for k in np.flatnonzero((near & there[:, 1:] & there[:, :-1]).any(axis=1)).tolist():

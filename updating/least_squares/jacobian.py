@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from fem.array_types import Complexes, Floats, Ints
 
 
 class Jacobian(Protocol):
@@ -22,9 +20,7 @@ class Jacobian(Protocol):
 
     most_used: ClassVar[int]
 
-    def products(
-        self, r: Complexes, weight: Floats, member: NDArray[np.int64] | None = None
-    ) -> tuple[Floats, Floats]:
+    def products(self, r: Complexes, weight: Floats, member: Ints | None = None) -> tuple[Floats, Floats]:
         """Return Σ w J r, (n_groups, n), and Σ w J Jᵀ, (n_groups, n, n), of real and imaginary parts.
 
         Parameters
@@ -46,9 +42,7 @@ class DenseJacobian:
     J: Complexes
     most_used: ClassVar[int] = 1
 
-    def products(
-        self, r: Complexes, weight: Floats, member: NDArray[np.int64] | None = None
-    ) -> tuple[Floats, Floats]:
+    def products(self, r: Complexes, weight: Floats, member: Ints | None = None) -> tuple[Floats, Floats]:
         """Return the sums of :meth:`Jacobian.products`."""
         root = np.sqrt(weight)
         slopes, curvatures = [], []

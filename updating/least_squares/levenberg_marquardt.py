@@ -21,9 +21,8 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from fem.array_types import Bools, Floats
 
 KEPT_PROMISE = 0.75, 1.33
 """Gain of a step over that of the quadratic model, between which its derivatives may serve the next step."""
@@ -65,7 +64,7 @@ class Linearisation:
         """Return the model at a point near by with the same derivatives; None where they are not kept."""
         return None
 
-    def among(self, free: NDArray[np.bool_]) -> Floats:
+    def among(self, free: Bools) -> Floats:
         """Return the matrix of those unknowns that may move."""
         return self.matrix[np.ix_(free, free)]
 
@@ -268,14 +267,14 @@ def minimise(
     return Minimum(point, linear, Stop.OUT_OF_ITERATIONS, control.max_iterations)
 
 
-def movable(x: Floats, linear: Linearisation, bounds: tuple[Floats, Floats]) -> NDArray[np.bool_]:
+def movable(x: Floats, linear: Linearisation, bounds: tuple[Floats, Floats]) -> Bools:
     """Return which unknowns a step may move: not those held at a bound, nor those without influence."""
     (low, high), g = bounds, linear.gradient
     pinned = (low >= high) | ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
     return ~pinned & (np.diag(linear.matrix) > 0)
 
 
-def promised_gain(linear: Linearisation, free: NDArray[np.bool_]) -> float:
+def promised_gain(linear: Linearisation, free: Bools) -> float:
     """Return the gain that the undamped Gauss-Newton step of free unknowns promises, ½ gᵀ A⁻¹ g [nats]."""
     H, g = linear.among(free), linear.gradient[free]
     scale = _sizes(H)
@@ -311,11 +310,7 @@ def _sizes(matrix: Floats) -> Floats:
     return np.sqrt(np.maximum(np.diag(matrix), 1e-300))
 
 
-def step_within(
-    goal: NDArray[np.float64],
-    H: NDArray[np.float64],
-    limits: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> NDArray[np.float64]:
+def step_within(goal: Floats, H: Floats, limits: tuple[Floats, Floats]) -> Floats:
     """Return a step towards the minimum of ½ (p - goal)ᵀ H (p - goal) that stays within limits.
 
     From 0 towards the minimum up to the first limit; the unknown that has met it stays there, and the others

@@ -3,9 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from fem.array_types import Floats, Ints
 
 SHARES = np.append(0.0, np.geomspace(0.02, 1.0, 12))
 """Sizes of a discrepancy between the least and the largest, all as probable [-]."""
@@ -44,7 +43,7 @@ class ModeLevels:
         π; 0 where every reading belongs.
     """
 
-    kind: NDArray[np.int64]
+    kind: Ints
     n: Floats
     size: Floats
     variance: Floats
@@ -55,7 +54,7 @@ class ModeLevels:
     @classmethod
     def up_to(
         cls,
-        kind: NDArray[np.int64],
+        kind: Ints,
         n: Floats,
         size: Floats,
         variance: Floats,

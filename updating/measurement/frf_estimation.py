@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF, FRFKind
+from fem.array_types import Complexes, Floats, Ints
 from fem.summary import fields_summary
 
 ESTIMATORS = ("H1", "H2", "Hv")
@@ -23,10 +24,6 @@ WINDOWS = ("hann", "rectangular", "flattop", "exponential")
 DOUBLE_HIT = 0.1
 """A force that rises again to this part of its peak, after it fell below half of that, is a second hit
 [-]."""
-
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 class EstimationError(ValueError):
@@ -64,7 +61,7 @@ class EstimatedFRF:
     coherence: Floats
     multiple_coherence: Floats
     std: Floats
-    n_averages: NDArray[np.int64]
+    n_averages: Ints
     effective_averages: Floats
     added_decay: float = 0.0
     messages: tuple[str, ...] = ()
@@ -408,9 +405,7 @@ def _blocks(word: str, data: ArrayLike) -> Floats:
     return x
 
 
-def _good_hits(
-    x: Floats, y: Floats, full_scale: float | None, hits: bool
-) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def _good_hits(x: Floats, y: Floats, full_scale: float | None, hits: bool) -> tuple[Ints, tuple[str, ...]]:
     """Return the blocks to use, and the defects of the others."""
     good, messages = [], []
     for k in range(len(x)):

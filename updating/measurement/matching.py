@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Bools, Floats, Ints
 from fem.mesh import Mesh
 from fem.summary import fields_summary
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SCALES: Mapping[str, float] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "ft": 0.3048}
 """Metres in the units that test coordinates may have."""
@@ -426,7 +424,7 @@ def _distinct(found: Placed, tolerance: float) -> Placed:
     return out
 
 
-def _aligned(points: Floats, onto: Floats, kept: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def _aligned(points: Floats, onto: Floats, kept: Bools) -> tuple[Floats, Floats]:
     """Return what :func:`align_points` returns for each of many targets (k, n, 3), of the kept points."""
     weight = kept / kept.sum(axis=1, keepdims=True)
     a, b = weight @ points, np.einsum("kn,kni->ki", weight, onto)

@@ -9,13 +9,12 @@ import scipy.linalg as sla
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats, Ints
 from fem.model import Model
 from fem.summary import fields_summary
 from updating.correlation.shape_correlation import auto_mac
 from updating.measurement.measurement import Sensor
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Candidates = Sequence[tuple[int, str]]
 
 _AXES = ("x", "y", "z")

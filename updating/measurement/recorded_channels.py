@@ -4,15 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import TRANSMISSIBILITY, FRFKind
+from fem.array_types import Floats
 from fem.io.time_data import TimeData, force_unit, motion_unit
 from fem.io.units import size_of
 from fem.summary import fields_summary
 from updating.measurement.frf_estimation import EstimationError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,10 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
+from fem.array_types import Complexes, Floats, Ints
 
 N_NODES = 20
 """Nodes of a segment; a segment of no more lines keeps them as they are."""
@@ -122,7 +120,7 @@ def condense_lines(omega: Floats, H: Complexes, spread: Floats, poles: Complexes
     )
 
 
-def _layout(omega: Floats, poles: Complexes) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _layout(omega: Floats, poles: Complexes) -> tuple[Ints, Ints]:
     """Return first line and end of each segment, (n_segments, 2), and the lines that stay single.
 
     The band is halved until each part lies far enough from all poles or has no more lines than nodes.

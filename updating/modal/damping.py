@@ -1,13 +1,12 @@
 """A damping matrix that gives modes their damping ratios."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Floats
 from updating.modal.poles import (
     IdentificationError,
 )
-
-Floats = NDArray[np.float64]
 
 
 def damping_matrix(mass: ArrayLike, shapes: ArrayLike, frequency: ArrayLike, zeta: ArrayLike) -> Floats:

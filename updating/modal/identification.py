@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
+from fem.array_types import Floats, Ints
 from fem.linalg.solvers import one_thread
 from updating.correlation.complexity import (
     LARGEST_MPD,
@@ -39,10 +40,6 @@ from updating.modal.poles import (
 )
 from updating.modal.refinement import scatter_near, synthesise
 from updating.modal.selection import SelectionState, Task, candidates, search_modes, unreported
-
-Floats = NDArray[np.float64]
-
-Complexes = NDArray[np.complex128]
 
 
 @one_thread()
@@ -186,7 +183,7 @@ def identify_modes(
     return done
 
 
-def _lines(frf: FRF, band: tuple[float, float] | None) -> NDArray[np.int64]:
+def _lines(frf: FRF, band: tuple[float, float] | None) -> Ints:
     """Return the lines to use; 0 Hz holds nothing of a mode that other lines do not."""
     low, high = band if band is not None else (0.0, np.inf)
     lines = np.flatnonzero((frf.frequency > 0) & (frf.frequency >= low) & (frf.frequency <= high))
@@ -205,7 +202,7 @@ def _lines(frf: FRF, band: tuple[float, float] | None) -> NDArray[np.int64]:
     return lines
 
 
-def _orders(data: FRF, highest: int | None) -> NDArray[np.int64]:
+def _orders(data: FRF, highest: int | None) -> Ints:
     n_in = data.H.shape[2]
     # a model of this order has (order + 1)(n_in + 1) coefficients for each row, two numbers a line and input
     most = 2 * n_in * data.n_freq // (3 * (n_in + 1)) - 1

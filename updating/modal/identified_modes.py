@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.analysis.modes import Modes
+from fem.array_types import Complexes, Floats
 from fem.model import Damping
 from fem.summary import fields_summary
 from updating.modal.peaks import Candidate, UnexplainedPeak, peak_words
@@ -14,10 +14,6 @@ from updating.modal.poles import (
     IdentificationError,
     Stabilisation,
 )
-
-Floats = NDArray[np.float64]
-
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

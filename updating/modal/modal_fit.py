@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.array_types import Complexes, Floats, Ints
 from updating.modal.condensed_lines import CondensedLines, condense_lines
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,8 +27,8 @@ class ModalScatter:
     """
 
     covariance: Floats
-    rows: NDArray[np.int64]
-    cols: NDArray[np.int64]
+    rows: Ints
+    cols: Ints
     conditional: Floats
     slope: Floats
 

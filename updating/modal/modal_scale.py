@@ -3,17 +3,13 @@
 import warnings
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats, Ints
 from updating.correlation.complexity import (
     mean_phase,
     real_shapes,
 )
 from updating.modal.modal_fit import ModalFit, ModalScatter
-
-Floats = NDArray[np.float64]
-
-Complexes = NDArray[np.complex128]
 
 
 def scaled(
@@ -54,7 +50,7 @@ def _scale_of(
 
 
 def shape_deviation(
-    fit: ModalFit, order: NDArray[np.int64], points: tuple[tuple[int, int, int], ...], turned: bool
+    fit: ModalFit, order: Ints, points: tuple[tuple[int, int, int], ...], turned: bool
 ) -> tuple[Floats, Floats]:
     """Return standard deviations of the real, scaled shapes, the modes in an order.
 
@@ -107,7 +103,7 @@ def shape_deviation(
     return out, relative
 
 
-def _variance(J: Floats, n_other: int, among: NDArray[np.int64], scatter: ModalScatter, r: int) -> Floats:
+def _variance(J: Floats, n_other: int, among: Ints, scatter: ModalScatter, r: int) -> Floats:
     """Return the variances (n,) of quantities with derivatives J (n, m) by the unknowns of a mode."""
     by_shape = J[:, n_other:].reshape(len(J), -1, 2)
     F = np.einsum("pob,obi->pi", by_shape, scatter.slope[r])

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from updating.modal.poles import LEAST_ORDERS, MATHEMATICAL_DAMPING, Stabilisation
 
 HALF_POWER_DB = 3.0
@@ -17,9 +17,6 @@ UNEXPLAINED_SHARE = 0.5
 
 MOST_NAMED = 12
 """Largest number of peaks that are listed one by one, the highest first."""
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 import scipy
 import scipy.linalg as sla
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.summary import fields_summary
 
 MATHEMATICAL_DAMPING = 0.2
@@ -30,9 +30,6 @@ LEAST_ORDERS = 4
 
 GUARD = 0.02
 """Part of the half circle of the z-plane that is kept free at each end of the band."""
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 class IdentificationError(ValueError):
@@ -58,13 +55,13 @@ class Stabilisation:
         All orders that were computed.
     """
 
-    order: NDArray[np.int64]
+    order: Ints
     poles: Complexes
     participation: Complexes
-    stable_frequency: NDArray[np.bool_]
-    stable_damping: NDArray[np.bool_]
-    stable_participation: NDArray[np.bool_]
-    orders: NDArray[np.int64]
+    stable_frequency: Bools
+    stable_damping: Bools
+    stable_participation: Bools
+    orders: Ints
 
     __repr__ = fields_summary
 
@@ -79,7 +76,7 @@ class Stabilisation:
         return -self.poles.real / np.abs(self.poles)
 
     @property
-    def stable(self) -> NDArray[np.bool_]:
+    def stable(self) -> Bools:
         """Poles that are stable in all three respects, shape (n,)."""
         return self.stable_frequency & self.stable_damping & self.stable_participation
 
@@ -102,7 +99,7 @@ class Track:
         Standard deviation of the members [Hz].
     """
 
-    members: NDArray[np.int64]
+    members: Ints
     pole: complex
     participation: Complexes
     frequency: float
@@ -110,7 +107,7 @@ class Track:
     frequency_scatter: float
 
 
-def fit_orders(frf: FRF, orders: NDArray[np.int64], scale: Floats, weight: Floats) -> Stabilisation:
+def fit_orders(frf: FRF, orders: Ints, scale: Floats, weight: Floats) -> Stabilisation:
     """Fit right matrix fractions of several orders and return their poles.
 
     Each row of the FRFs is B_o(z) A(z)⁻¹ with polynomials in z = e^{iϑ}, A of real (n_in, n_in) and B_o of
@@ -145,7 +142,7 @@ def poles_of_order(frequency: Floats, H: Complexes, order: int, scale: Floats) -
 
 
 def _poles(
-    frequency: Floats, H: Complexes, orders: NDArray[np.int64], scale: Floats, weight: Floats
+    frequency: Floats, H: Complexes, orders: Ints, scale: Floats, weight: Floats
 ) -> list[tuple[Complexes, Complexes]]:
     """Return the poles of each order in the band, by frequency, and their participations."""
     highest, n_in = int(orders[-1]), H.shape[2]
@@ -214,7 +211,7 @@ def track_poles(stabilisation: Stabilisation) -> tuple[Track, ...]:
     return tuple(sorted(done, key=lambda track: track.frequency))
 
 
-def _track(s: Stabilisation, members: NDArray[np.int64]) -> Track:
+def _track(s: Stabilisation, members: Ints) -> Track:
     poles = s.poles[members]
     pole = _median(poles)
     nearest = int(members[np.argmin(np.abs(poles - pole))])
@@ -277,9 +274,7 @@ def _roots(M: Floats, order: int, n_in: int) -> tuple[Complexes, Complexes]:
     return 1 / mu[upper], rows[:, upper].T
 
 
-def _stable(
-    order: NDArray[np.int64], poles: Complexes, w: Complexes
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+def _stable(order: Ints, poles: Complexes, w: Complexes) -> tuple[Bools, Bools, Bools]:
     """Compare each pole with the nearest one of the order before."""
     frequency, zeta = np.abs(poles), -poles.real / np.abs(poles)
     of_frequency, of_damping, of_participation = (np.zeros(poles.size, dtype=bool) for _ in range(3))

@@ -14,15 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.modal.condensed_lines import CondensedLines
 from updating.modal.modal_fit import ModalFit, ModalFitData, ModalScatter
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
-
 
 _BLOCK = 4096
 """Lines that are synthesised at a time."""
@@ -134,7 +130,7 @@ class _Refinement:
     data: ModalFitData
     first: Complexes
     L: Complexes
-    pivot: NDArray[np.int64]
+    pivot: Ints
 
     def start(self) -> _ModalPoint:
         of_poles = np.stack([np.log(-self.first.real), np.zeros(self.first.size)], axis=1)
@@ -172,7 +168,7 @@ class _Refinement:
         return _ModalLinearisation(-slopes.gradient * unit, matrix, point, slopes)
 
 
-def _free(shape: tuple[int, ...], pivot: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _free(shape: tuple[int, ...], pivot: Ints) -> tuple[Ints, Ints]:
     """Return rows and columns of the participations that are unknown: all but the largest of each mode."""
     rows, cols = np.indices(shape)
     keep = cols != pivot[:, None]
@@ -282,8 +278,8 @@ class _Slopes:
     """
 
     X: Floats
-    mode: NDArray[np.int64]
-    at: list[NDArray[np.int64]]
+    mode: Ints
+    at: list[Ints]
     gram: list[Floats]
     with_Q: list[Floats]
     Q2: list[Floats]
@@ -314,9 +310,7 @@ class _Slopes:
         return _summed(G, self.X, self.X * power, self.mode)
 
 
-def _slopes(
-    data: ModalFitData, now: _Linear, poles: Complexes, L: Complexes, pivot: NDArray[np.int64]
-) -> _Slopes:
+def _slopes(data: ModalFitData, now: _Linear, poles: Complexes, L: Complexes, pivot: Ints) -> _Slopes:
     n, n_in, (rows, cols) = poles.size, L.shape[1], _free(L.shape, pivot)
     mode = np.repeat(np.concatenate([np.arange(n), rows]), 2)
     Q, rest = (values.reshape(n_in, 2 * now.lines.omega.size, -1) for values in (now.Q, now.rest))
@@ -342,12 +336,7 @@ def _slopes(
 
 
 def _derivatives(
-    data: ModalFitData,
-    lines: CondensedLines,
-    poles: Complexes,
-    L: Complexes,
-    modes: NDArray[np.int64],
-    i: int,
+    data: ModalFitData, lines: CondensedLines, poles: Complexes, L: Complexes, modes: Ints, i: int
 ) -> Floats:
     """Return the different columns of dB at input i, (2 n_nodes, 4 n_modes + 2 n).
 
@@ -366,7 +355,7 @@ def _derivatives(
     return lines.columns(D, i)
 
 
-def _summed(G: Floats, X: Floats, Y: Floats, mode: NDArray[np.int64]) -> Floats:
+def _summed(G: Floats, X: Floats, Y: Floats, mode: Ints) -> Floats:
     """Return Σ_o x_oᵀ G y_o for each two unknowns."""
     S = np.einsum("rao,sbo->rasb", X, Y)[mode][:, :, mode]
     J2 = np.einsum("iajb,iajb->ij", G.reshape(mode.size, 2, mode.size, 2), S, optimize=True)
@@ -378,7 +367,7 @@ def _covariance(
     slopes: _Slopes,
     poles: Complexes,
     L: Complexes,
-    pivot: NDArray[np.int64],
+    pivot: Ints,
     misfit: Complexes,
     inverse: Floats,
 ) -> ModalScatter:
@@ -426,7 +415,7 @@ def _fit(
     slopes: _Slopes,
     poles: Complexes,
     L: Complexes,
-    pivot: NDArray[np.int64],
+    pivot: Ints,
     converged: bool,
     steps: int,
 ) -> ModalFit:
@@ -463,7 +452,7 @@ def _fit(
     )
 
 
-def synthesise(data: ModalFitData, fit: ModalFit, which: NDArray[np.bool_]) -> Complexes:
+def synthesise(data: ModalFitData, fit: ModalFit, which: Bools) -> Complexes:
     """Return the part of some modes in the FRFs of a fit, (n_freq, n_out, n_in)."""
     return _synthesised(data, fit.poles[which], fit.participation[which], fit.shapes[:, which])
 
@@ -503,7 +492,7 @@ def scatter_near(fit: ModalFit, data: ModalFitData) -> Floats:
     return np.array([_scatter(fit.misfit[_near(data, pole)], usual) for pole in fit.poles])
 
 
-def _near(data: ModalFitData, pole: complex) -> NDArray[np.int64]:
+def _near(data: ModalFitData, pole: complex) -> Ints:
     """Return the lines near a pole."""
     apart = np.abs(data.frf.omega - pole.imag) / (data.added_decay - pole.real)
     # Lines within this many half-power half-widths of a pole tell the scatter of the FRFs near it

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from updating.correlation import mac
 from updating.correlation.complexity import (
     mean_phase_deviation,
@@ -46,8 +46,6 @@ last."""
 _PARTS, _PART, _PART_ORDER = 8, 128, 24
 """The residual of a fit is searched in this many parts of the band, of so many lines at least, up to this
 order."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +97,7 @@ def starts_of(tracks: Sequence[Track], data: ModalFitData) -> tuple[ModeStart, .
     )
 
 
-def search_modes(
-    task: Task, tracks: Sequence[Track], orders: NDArray[np.int64]
-) -> tuple[SelectionState, int]:
+def search_modes(task: Task, tracks: Sequence[Track], orders: Ints) -> tuple[SelectionState, int]:
     """Find modes among the tracks, then among these and the poles of the residual.
 
     Returns also the number of poles of the residual of the first fit.
@@ -189,7 +185,7 @@ def _worth_trying(found: SelectionState, starts: Sequence[ModeStart]) -> tuple[M
     return tuple(out)
 
 
-def _overlooked(found: SelectionState, orders: NDArray[np.int64]) -> tuple[ModeStart, ...]:
+def _overlooked(found: SelectionState, orders: Ints) -> tuple[ModeStart, ...]:
     """Return poles that persist in the residual of the fit, by parts of the band that overlap by half.
 
     In a part, fewer poles describe the residual, and strong modes elsewhere do not matter.

@@ -8,8 +8,8 @@ from operator import add
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.declarations import Relevant
 from fem.effects.places import members_mass
 from fem.linalg.solvers import one_thread
@@ -37,9 +37,6 @@ N_POSITIONS, N_OF_RIVALS = 6, 3
 """At most so many positions of an effect of a relevant size, and of of its rivals."""
 MOST_PASSES = 3
 """Passes in which sensors are exchanged one by one, at most."""
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,7 +227,7 @@ def _effects(
     sizes: Relevant,
     odds: Odds,
     say: Callable[[float], None],
-) -> tuple[int, list[Effect], NDArray[np.complex128], Floats]:
+) -> tuple[int, list[Effect], Complexes, Floats]:
     """Return effects at some positions, what they do to the residuals (n, m), and the log odds against each.
 
     The first, so many, are of a relevant size; a little of all others are the rivals.
@@ -244,7 +241,7 @@ def _effects(
     counted = [k for k, v in enumerate(values) if v is not None]
     rest = [k for k, v in enumerate(values) if v is None]
     n, effects = 0, list[Effect]()
-    parts: list[NDArray[np.complex128]] = []
+    parts: list[Complexes] = []
     against: list[float] = []
     for some, most in ((counted, N_POSITIONS), (rest, N_OF_RIVALS)):
         grids = [Grid.of(problem, candidates[k]) for k in some]
@@ -282,8 +279,8 @@ class _Channels:
         For how many independent data the discrepancy of each group stands.
     """
 
-    slopes: NDArray[np.complex128]
-    errors: list[NDArray[np.complex128]]
+    slopes: Complexes
+    errors: list[Complexes]
     known: Floats
     output: Ints
     input: Ints
@@ -291,7 +288,7 @@ class _Channels:
     data: Floats
 
     @classmethod
-    def of(cls, look: Look[Any, Any], changes: NDArray[np.complex128], more: float) -> "_Channels":
+    def of(cls, look: Look[Any, Any], changes: Complexes, more: float) -> "_Channels":
         """Sort the slopes; with fewer sensors than are possible each counts ``more``."""
         scatter, m = look.problem.scatter, len(look.share)
         n_out = len(look.problem.data.measurement.sensors)
@@ -330,9 +327,7 @@ class _Channels:
             out.append(self._information(part - C.T @ errors, here, n, C.T / np.sqrt(len(self.data))))
         return out
 
-    def _information(
-        self, slopes: NDArray[np.complex128], here: NDArray[np.bool_], n: int, more: Floats | None = None
-    ) -> Information:
+    def _information(self, slopes: Complexes, here: Bools, n: int, more: Floats | None = None) -> Information:
         groups = (slopes[:, self.group[here] == g] for g in range(len(self.data)))
         rest = [] if more is None else [more]
         rows = [np.hstack([p.real, p.imag, *rest]).astype(np.float32) for p in groups]

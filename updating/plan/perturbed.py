@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.effects.added_mass import AddedMass
 from fem.effects.support import Support
 from fem.model import Effect, Model, ModelError, ParameterRef
@@ -14,7 +14,7 @@ from updating.diagnosis.separation import places_along
 from updating.forecast.forecast import MOST_COMPARED
 from updating.forecast.grid import Grid
 from updating.forecast.information import Information, without
-from updating.forecast.look import Complexes, Look
+from updating.forecast.look import Look
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.formed import formed_problem
@@ -23,8 +23,6 @@ from updating.inference.parameters import Nuisance
 from updating.plan.plan import Outlook, Plan
 from updating.plan.planned import as_planned, planned_like
 from updating.plan.visibility import needed
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

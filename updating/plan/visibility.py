@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats, Ints
 from fem.model import Effect, ParameterRef, covers, parameter_values
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.forecast.forecast import Forecast
@@ -50,8 +50,6 @@ N_AT_ONCE = 500
 SOLVED_TOGETHER = 32
 """Sizes of so many candidates are solved for at a time."""
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Say = Callable[[str, float], None]
 
 
@@ -459,10 +457,10 @@ class Rivals:
     units: Floats
     owner: Ints
     column: Ints
-    both: NDArray[np.bool_]
+    both: Bools
     against: Floats
-    unlike: NDArray[np.bool_]
-    apart: NDArray[np.bool_]
+    unlike: Bools
+    apart: Bools
 
     @classmethod
     def of(cls, forecast: Forecast, against: Floats) -> "Rivals":

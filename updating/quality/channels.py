@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.checks import Defect
 from fem.lengths import coordinates_text
 from fem.linalg.solvers import factorise
@@ -18,8 +18,7 @@ SAME = 1e-9
 AGREE = 0.1
 """Difference of the FRFs of two sensors in parts of them up to which their places are the same [-]."""
 
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = Complexes
 
 
 def check_channels(

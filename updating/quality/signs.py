@@ -17,9 +17,9 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.array_types import Bools, Floats
 from updating.inference.belief import TWIN_NATS
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -36,9 +36,6 @@ LARGEST_COSINE = 0.95
 
 _SAME_PLACE = 1e-6
 """Distance of a force from a sensor at its place, relative to the mesh's size."""
-
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,14 +143,14 @@ def _instead(
     return names[0] if len(names) == 1 else f"all {len(names)} {word}"
 
 
-def log_odds(cosine: NDArray[np.float64] | float, parts: float) -> NDArray[np.float64]:
+def log_odds(cosine: Floats | float, parts: float) -> Floats:
     """Return the log odds of the stated against the opposite sign by mean cosines [nats]."""
     m = np.clip(cosine, -LARGEST_COSINE, LARGEST_COSINE)
     return parts * m * 2 * np.arctanh(np.abs(m))
 
 
 def likeliest_signs(
-    cosine: Floats, seen: NDArray[np.bool_], power: Floats, parts: float, prices: tuple[float, float]
+    cosine: Floats, seen: Bools, power: Floats, parts: float, prices: tuple[float, float]
 ) -> tuple[Floats, Floats]:
     """Return the most probable signs of responses (n_out,) and forces (n_in,), 1 or -1.
 

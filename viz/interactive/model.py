@@ -8,6 +8,7 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
+from fem.array_types import Floats
 from fem.declarations import SUPPORT_MARKER
 from fem.model import Model
 from updating.measurement.measurement import MOTION, Sensor
@@ -30,7 +31,6 @@ from viz.markers import COLOURS, support_axes
 from viz.models import drawn_names, drawn_size, member_families, model_surface, surface_places
 from viz.shapes import arrows, view_axes
 from viz.surfaces import Surface
-from viz.triangles import Floats
 
 MOST_NAMED = 24
 """With more sensors and excitations their names show only where one points."""

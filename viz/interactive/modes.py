@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from plotly.graph_objects import Figure
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats
 from fem.model import Model
 from viz import style
 from viz.interactive.solids import edge_rows, scene, solid, wires
@@ -16,7 +17,6 @@ from viz.interactive.theme import binary, colour_bar, colour_scale, coordinates,
 from viz.models import displacement_at, drawn_size, model_surface
 from viz.shapes import amplification, match_scale, real_shape
 from viz.surfaces import Surface
-from viz.triangles import Floats
 
 PHASES = 7
 """Pictures of half a period: a real shape comes back the same way."""

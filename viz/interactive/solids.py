@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Floats, Ints
 from fem.lengths import shown_length
 from viz import style
 from viz.interactive.theme import EDGE, VEIL, coordinates, plain
 from viz.shapes import Arrows, arrow_triangles, view_axes
 from viz.surfaces import Surface
-from viz.triangles import Floats, Ints
 
 FILLED, PROPORTION = 0.9, 1.3
 """The box of the axes fills this part of a scene with this width over height; narrower pages scale it."""

@@ -10,8 +10,9 @@ from dovetail.report import cells
 from dovetail.report.blocks import Block, Details, TableBlock, Text
 from dovetail.report.table import Column, Table
 from dovetail.result import RunResult, by_frfs
+from fem.array_types import Floats
 from fem.summary import percent
-from updating.diagnosis.mode_table import Floats, ModeTable
+from updating.diagnosis.mode_table import ModeTable
 from updating.diagnosis.verdict import Verdict
 
 if TYPE_CHECKING:

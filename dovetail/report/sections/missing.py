@@ -19,10 +19,9 @@ from dovetail.report.sections.how_sure import best_of
 from dovetail.report.shown import TURN, Shown, choice
 from dovetail.result import RunResult, by_any, by_frfs
 from fem.model import inverse
-from updating.diagnosis.diagnosis import FAULT, NOTHING, UNEXPLAINED, UNFINISHED
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked
 from updating.diagnosis.separation import Proposal
-from updating.diagnosis.verdict import Verdict
+from updating.diagnosis.verdict import FAULT, NOTHING, UNEXPLAINED, UNFINISHED, Verdict
 
 applies = by_any
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from dovetail.result import RunResult, by_frfs, by_modes_alone
 from fem.analysis.modes import Modes
-from updating.diagnosis.diagnosis import EFFECT, Diagnosis
+from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.fitted_modes import FittedModePair, modes_of, most_changed, pair_modes
 from updating.diagnosis.reported_modes import ReportedModes
-from updating.diagnosis.verdict import Verdict
+from updating.diagnosis.verdict import EFFECT, Verdict
 from updating.inference.mode_targets import ModeTargets
 from updating.measurement.measurement import MOTION, Sensor, motions_of
 from viz.interactive.modes import MeasuredShape
