@@ -4,8 +4,9 @@ All are Galerkin projections u = T x with K_r = TᵀKT and so on, so that every 
 system lies above the one of the same number of the full system (Courant and Fischer).
 """
 
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,9 @@ class Reduction:
         Frequency-dependent elements.
     system : System
         The full system.
+    flexibility : callable or None
+        b ↦ K⁺ b on the independent coordinates, for loads that rigid-body motions do not feel. None where the
+        method has no static condensation, which gives it at no cost.
     """
 
     method: str
@@ -61,6 +65,7 @@ class Reduction:
     rank: int
     laws: tuple[tuple[Law, NDArray[np.float64]], ...]
     system: System
+    flexibility: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = field(repr=False)
 
     __repr__ = fields_summary
 
@@ -89,6 +94,12 @@ class Reduction:
         n : int, optional
             Number of modes; all unless given.
         """
+        eigenvalues, vectors = self.eigenpairs()
+        eigenvalues, vectors = eigenvalues[:n], vectors[:, :n]
+        return Modes(np.sqrt(np.maximum(eigenvalues, 0.0)) / (2 * np.pi), self.T @ vectors)
+
+    def eigenpairs(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ω² (n,), rising, and M-orthonormal vectors (r, n) of the reduced matrices."""
         K, M = self.K, self.M
         V = np.eye(len(K))
         if self.rank < len(K):
@@ -96,8 +107,7 @@ class Reduction:
             V = scale[:, None] * np.linalg.eigh(scale[:, None] * M * scale)[1][:, -self.rank :]
             K, M = V.T @ K @ V, V.T @ M @ V
         eigenvalues, vectors = _small_eigenpairs(K, M, self.system.rigid.shape[1])
-        frequency = np.sqrt(np.maximum(eigenvalues[:n], 0.0)) / (2 * np.pi)
-        return Modes(frequency, self.T @ (V @ vectors[:, :n]))
+        return eigenvalues, V @ vectors
 
 
 def reduce_guyan(system: System, keep: Selection) -> Reduction:
@@ -122,7 +132,7 @@ def reduce_guyan(system: System, keep: Selection) -> Reduction:
     """
     part = _partition(system, keep)
     fixed = _fix(system, part)
-    return _project(system, "guyan", part, _spread(part, fixed.static))
+    return _project(system, "guyan", part, _spread(part, fixed.static), fixed)
 
 
 def reduce_dynamic(system: System, keep: Selection, frequency: float) -> Reduction:
@@ -156,7 +166,7 @@ def reduce_dynamic(system: System, keep: Selection, frequency: float) -> Reducti
     residual = Z[part.omitted][:, part.omitted] @ t + coupling
     if not np.isfinite(t).all() or np.linalg.norm(residual) > 1e-6 * np.linalg.norm(coupling):
         raise ModelError(what)
-    return _project(system, "dynamic", part, _spread(part, t))
+    return _project(system, "dynamic", part, _spread(part, t), None)
 
 
 def reduce_irs(system: System, keep: Selection, iterations: int = 1) -> Reduction:
@@ -198,7 +208,7 @@ def reduce_irs(system: System, keep: Selection, iterations: int = 1) -> Reductio
         if fixed.factor is None:
             break
         t = fixed.static + fixed.factor.solve((M_oa + M_oo @ t) @ slope)
-    return _project(system, "irs", part, _spread(part, t))
+    return _project(system, "irs", part, _spread(part, t), fixed)
 
 
 def reduce_serep(system: System, keep: Selection, n_modes: int | None = None) -> Reduction:
@@ -228,7 +238,7 @@ def reduce_serep(system: System, keep: Selection, n_modes: int | None = None) ->
     pairs = solve_eigenpairs(system, n)
     frequency = np.sqrt(pairs.eigenvalues) / (2 * np.pi)
     inverse, _ = left_inverse(pairs.vectors[part.kept], frequency, len(part.kept))
-    return _project(system, "serep", part, pairs.vectors @ inverse, rank=pairs.vectors.shape[1])
+    return _project(system, "serep", part, pairs.vectors @ inverse, None, rank=pairs.vectors.shape[1])
 
 
 def reduce_craig_bampton(
@@ -261,7 +271,7 @@ def reduce_craig_bampton(
         modes = np.zeros((system.n_free, pairs.vectors.shape[1]))
         modes[part.omitted] = pairs.vectors
         T = np.hstack([T, modes])
-    return _project(system, "craig-bampton", part, T)
+    return _project(system, "craig-bampton", part, T, fixed)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -386,6 +396,7 @@ def _project(
     method: str,
     part: _Partition,
     T: NDArray[np.float64],
+    fixed: _Fixed | None,
     rank: int | None = None,
 ) -> Reduction:
     def inner(X: Any) -> NDArray[np.float64]:
@@ -395,8 +406,11 @@ def _project(
     K, M, C, D = (inner(X) for X in (system.K, system.M, system.C, system.D))
     n_kept = len(part.kept)
     names = (*part.labels, *(f"fixed mode {k + 1}" for k in range(T.shape[1] - n_kept)))
+    flexibility = None if fixed is None else _condensed_flexibility(system, part, fixed)
     laws = tuple((law, inner(X)) for law, X in system.laws)
-    return Reduction(method, system.Q @ T, K, M, C, D, names, n_kept, rank or T.shape[1], laws, system)
+    return Reduction(
+        method, system.Q @ T, K, M, C, D, names, n_kept, rank or T.shape[1], laws, system, flexibility
+    )
 
 
 def _small_eigenpairs(
@@ -418,3 +432,26 @@ def _small_eigenpairs(
         eigenvalues = np.where(nu > 1e-8 * nu[0], 1 / nu - shift, high)
         shift = max(shift, 0.1 * float(eigenvalues[min(n_rigid, len(nu) - 1)]))
     return eigenvalues, vectors
+
+
+def _condensed_flexibility(
+    system: System, part: _Partition, fixed: _Fixed
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Return b ↦ K⁺ b for loads that rigid-body motions do not feel: block elimination with K_oo's factor.
+
+    K⁻¹ = T_s K_s⁻¹ T_sᵀ + K_oo⁻¹ with Guyan's T_s and K_s, which is singular for a free structure.
+    """
+    T = _spread(part, fixed.static)
+    K = T.T @ (system.K @ T)
+    scale = 1 / np.sqrt(K.diagonal())
+    K = scale[:, None] * (K + K.T) / 2 * scale
+    N = np.linalg.qr(system.rigid[part.kept] / scale[:, None])[0]
+    inner = sla.cho_factor(K + N @ N.T)
+
+    def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = T @ (scale[:, None] * sla.cho_solve(inner, scale[:, None] * (T.T @ b)))
+        if fixed.factor is not None:
+            x[part.omitted] += fixed.factor.solve(b[part.omitted])
+        return x
+
+    return solve
