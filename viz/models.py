@@ -11,6 +11,8 @@ from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.elements.part_faces import PartFaces
 from fem.model import Model
+from fem.sections.dimensions import shape_label
+from fem.sections.section import Section
 from viz.surfaces import Surface, extrude, joined
 from viz.triangles import Outlines, circle_of_area
 
@@ -205,8 +207,15 @@ def member_families(model: Model) -> dict[str, str]:
     chosen = next((f for f in (family, stems) if len(set(f.values())) <= 8), None)
     if chosen is None:
         frame = frame_of(model)
-        chosen = {n: frame.members[n].section.label or "section by its constants" for n in mesh.members}
+        chosen = {n: _section_name(frame.members[n].section) for n in mesh.members}
     return chosen | parts
+
+
+def _section_name(section: Section) -> str:
+    """Return a section's name, dimensions in the unit that texts have."""
+    if section.shape:
+        return shape_label(section.shape, section.dimensions)
+    return section.label or "section by its constants"
 
 
 def _corner_lengths(model: Model, R: Floats) -> Floats:

@@ -64,6 +64,7 @@ def take(page: Page, name: str, *, top: bool = True, part: str | None = None) ->
     """Take a picture of what the window shows, or of one part of the page, with few colours."""
     if top:
         page.evaluate("window.scrollTo(0, 0)")
+    page.get_by_role("button", name="Cancel: ").first.wait_for(state="hidden")  # no job runs
     page.wait_for_timeout(2500)  # notices have gone, and figures are drawn
     path = HERE / f"{name}.png"
     (page if part is None else page.get_by_role("region", name=part, exact=True)).screenshot(path=path)

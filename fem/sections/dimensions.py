@@ -1,9 +1,11 @@
 """Checks of a shape's dimensions, and the names under which a section keeps them."""
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
+from fem.lengths import shown_length
 from fem.materials import PropertyError
 
 SOLID = ("rectangle", "circle", "ellipse")
@@ -20,13 +22,23 @@ LABELS = {
 
 def shape_fields(shape: str, **dimensions: float) -> dict[str, Any]:
     """Return a section's label, shape and dimensions, which `Section.between` forms it from again."""
-    sizes = [f"{value:g}" for key, value in dimensions.items() if key not in ("r", "nu", "n")]
-    label = f"{LABELS.get(shape, shape.replace('_', ' '))} {' x '.join(sizes)} m"
+    label = shape_label(shape, dimensions, lambda size: (size, "m"))
+    return {"label": label, "shape": shape, "dimensions": dimensions, "estimated_k": shape not in SOLID}
+
+
+def shape_label(
+    shape: str, dimensions: Mapping[str, float], shown: Callable[[float], tuple[float, str]] = shown_length
+) -> str:
+    """Return the name of a shape with its dimensions [m], by default in the unit that texts have."""
+    sizes = [shown(value) for key, value in dimensions.items() if key not in ("r", "nu", "n")]
+    label = f"{LABELS.get(shape, shape.replace('_', ' '))} {' x '.join(f'{size:g}' for size, _ in sizes)}"
+    label = f"{label} {sizes[0][1]}"
     if "n" in dimensions:
         label = f"{label}, {dimensions['n']} sides"
     if dimensions.get("r"):
-        label = f"{label}, r {dimensions['r']:g} m"
-    return {"label": label, "shape": shape, "dimensions": dimensions, "estimated_k": shape not in SOLID}
+        radius, unit = shown(dimensions["r"])
+        label = f"{label}, r {radius:g} {unit}"
+    return label
 
 
 def check_positive(shape: str, **sizes: float) -> None:

@@ -9,8 +9,9 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from dovetail import StudyError, load_study
-from fem import assemble, solve_modes
+from fem import Frame, Material, MemberProperties, Mesh, Model, Section, assemble, solve_modes
 from fem.io import read_matrices
+from fem.lengths import metres_afterwards, show_lengths
 from viz import displacement_at, member_families, model_surface, render_model
 from viz.interactive import model_figure, modes_figure
 from viz.models import drawn_names, drawn_size
@@ -150,3 +151,17 @@ def test_a_mesh_of_something_else_is_refused_with_its_key(tmp_path):
     meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])]).write(tmp_path / "other.vtu")
     with pytest.raises(StudyError, match=r"mesh: other\.vtu: .* surface nodes .* in their units"):
         study(tmp_path, FRAME + PART.replace("bracket.vtu", "other.vtu"))
+
+
+def test_sections_in_a_legend_are_in_the_unit_of_texts():
+    """Of more than eight members with different names, the sections are coloured."""
+    names = "abcdefghi"
+    points = [[0.1 * k, 0.0, 0.0] for k in range(len(names) + 1)]
+    lines = [[k, k + 1] for k in range(len(names))]
+    mesh = Mesh.from_lines(points, lines, {name: [k] for k, name in enumerate(names)})
+    part = MemberProperties(Material("steel", E=210e9, rho=7850.0), Section.tube(0.0424, 0.0032))
+    model = Model(mesh, (Frame(members=dict.fromkeys(names, part)),))
+    assert set(member_families(model).values()) == {"tube 0.0424 x 0.0032 m"} == {part.section.label}
+    with metres_afterwards():
+        show_lengths(1e-3)
+        assert set(member_families(model).values()) == {"tube 42.4 x 3.2 mm"}
