@@ -124,4 +124,5 @@ def _values(candidate, true, search, structure):
 def _true_value(parameter, true):
     if parameter.position:
         return true.get("position")
-    return true.get("value") if parameter.unit == true.get("unit") else None
+    value = true.get("value") if parameter.unit == true.get("unit") else None
+    return value if np.isscalar(value) else None  # of several directions a truth states one value each
