@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -53,8 +54,11 @@ def plan_study(
     Raises
     ------
     StudyError
-        If the study has no sensors or no excitations.
+        If the study has no sensors or no excitations, or ``noise`` is not a number between 0 and 1.
     """
+    if noise is not None and not (isinstance(noise, Real) and 0 < noise < 1):
+        msg = f"noise is {noise!r}; a part of the FRFs' root mean square is needed, such as 0.01 for 1 %"
+        raise StudyError(msg)
     with beating(progress or (lambda text, done: None)) as say:
         return _plan(study, noise, left_db, say)
 

@@ -18,6 +18,7 @@ from viz import style
 from viz.models import drawn_size, model_surface
 from viz.overlay import Mark
 from viz.scene import Scene
+from viz.surfaces import Surface
 
 COLOURS: dict[str, str] = dict(
     zip(SHOWN, (style.BLUE, style.SKY, style.ORANGE, style.VERMILION), strict=True)
@@ -47,10 +48,10 @@ def render_plan(plan: Plan, path: str | Path, title: str = "") -> Path:
     if not plan.relevant:
         msg = "no candidate has a relevant size: there is nothing to draw"
         raise ValueError(msg)
-    path = Path(path)
+    path, surface = Path(path), model_surface(plan.model)
     with TemporaryDirectory() as folder:
         each = [
-            _draw(plan, some, Path(folder) / f"{k}.png", f"{title}: {name}" if title else name)
+            _draw(plan, surface, some, Path(folder) / f"{k}.png", f"{title}: {name}" if title else name)
             for k, (name, some) in enumerate(plan.kinds.items())
         ]
         pictures = [np.asarray(Image.open(p).convert("RGB")) for p in each]
@@ -71,8 +72,8 @@ def _in_two_columns(pictures: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     return out
 
 
-def _draw(plan: Plan, some: Sequence[Outlook], path: Path, title: str) -> Path:
-    surface, size = model_surface(plan.model), drawn_size(plan.model)
+def _draw(plan: Plan, surface: Surface, some: Sequence[Outlook], path: Path, title: str) -> Path:
+    size = drawn_size(plan.model)
     points: dict[tuple[int, ...], Mark] = {}
     for o in sorted(some, key=lambda o: SHOWN.index(o.shown)):
         for at in _places(plan.model, o.relevant):

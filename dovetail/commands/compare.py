@@ -93,13 +93,14 @@ def run(options: Options, progress: Progress) -> Answer:
     turned = reversed_channels(problem, found, rows, columns)
     suspected = (*exchanged.values(), *turned.words)
     what = "with fitted parameters" if options.fitted else "nominal"
+    with_added = " with added effects" if study.added else ""
     held_out = f"{found.held_out_db:.2f}" if np.isfinite(found.held_out_db) else "-"
     return Answer(
         study,
         [
-            f"{study.name}, {what}: error of the amplitude {found.fit_db:.2f} dB on the lines of the fit, "
-            f"{held_out} on those held out and {c.total_db:.2f} on all; noise of the "
-            f"measurement {problem.data.noise_db:.2f} dB",
+            f"{study.name}, {what}{with_added}: error of the amplitude {found.fit_db:.2f} dB on the lines of "
+            f"the fit, {held_out} on those held out and {c.total_db:.2f} on all; noise of the measurement "
+            f"{problem.data.noise_db:.2f} dB",
             _table(c),
             *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
             *(f"corrected: {words.fault_text(f)}" for f in faults),

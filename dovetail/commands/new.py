@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_placing, positive
 from dovetail.commands.common import Options, assumptions, noted, warn
-from dovetail.disk.output import OutputError, Progress, result_folder
+from dovetail.disk.output import OutputError, Progress, is_ours, result_folder
 
 if TYPE_CHECKING:
     from dovetail.file.named_points import NamedPoints
@@ -87,9 +87,11 @@ def run(options: Options, progress: Progress) -> Answer:
 
 def _refuse_existing(options: Options, folder: Path, names: tuple[str, ...]) -> None:
     """Refuse to write over files that are there, with --force, too."""
+    if not options.force and is_ours(folder):
+        return
     for name in names:
-        if options.force and (folder / name).exists():
-            msg = f"{folder / name} exists and would be overwritten; choose another folder"
+        if (folder / name).exists():
+            msg = f"{folder / name} exists and would be overwritten; choose another folder, or move the file"
             raise OutputError(msg)
 
 

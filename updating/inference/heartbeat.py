@@ -46,12 +46,16 @@ INTERVAL = 0.25
 
 
 class _Pulse:
-    """The last report of some work, repeated while the work continues."""
+    """The last report of some work, repeated while the work continues.
+
+    Its parts judge by themselves how far they are; the fraction done never falls.
+    """
 
     def __init__(self, report: Progress) -> None:
-        self.report, self.last, self.at = report, ("", 0.0), time.monotonic()
+        self.report, self.last, self.at, self.most = report, ("", 0.0), time.monotonic(), 0.0
 
     def __call__(self, text: str, done: float) -> None:
+        done = self.most = max(self.most, done)
         if not isinstance(text, Lasting):
             self.last = (text, done)
         self.at = time.monotonic()
