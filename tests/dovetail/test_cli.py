@@ -98,13 +98,16 @@ def test_python_m_study(root, portal):
     assert "Portal" in done.stdout
 
 
-def test_new_is_whole_and_the_users_own(portal, capsys):
+def test_new_is_whole_and_the_users_own(portal, tmp_path, capsys):
     assert sorted(p.name for p in portal.parent.iterdir()) == ["frf.npz", "study.toml"]
     study = load_study(portal)
     assert len(study.measurements) == 1
     assert "not measured" in study.text
     assert main(["new", str(portal.parent)]) == 2
-    assert "--force" in capsys.readouterr().err
+    assert "study.toml exists and would be overwritten" in capsys.readouterr().err
+    (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
+    assert main(["new", str(tmp_path)]) == 2
+    assert "give --force to write into it" in capsys.readouterr().err
 
 
 LOOSE = """

@@ -187,6 +187,8 @@ def test_tables_of_points_that_are_refused(tmp_path, portal, text, more, words, 
 
 def test_nothing_is_written_over(tmp_path, portal, capsys):
     assert new(tmp_path, *portal) == 0
-    assert new(tmp_path, *portal) == 2
-    assert new(tmp_path, *portal, "--force") == 2
-    assert "exists and would be overwritten" in capsys.readouterr().err
+    for options in ((), ("--force",)):  # to advise --force, which is refused, helps nobody
+        assert new(tmp_path, *portal, *options) == 2
+        err = capsys.readouterr().err
+        assert "exists and would be overwritten" in err
+        assert "--force" not in err

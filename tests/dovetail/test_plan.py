@@ -81,6 +81,12 @@ def test_an_unknown_relevant_size_is_refused_by_its_key(tmp_path):
 # Study.plan -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("noise", ["1%", 1, 0.0, float("nan")])
+def test_a_noise_that_is_no_share_is_refused(file, noise):
+    with pytest.raises(StudyError, match=r"such as 0\.01 for 1 %"):
+        load_study(file).plan(noise)
+
+
 def test_a_study_without_measured_data_is_planned(planned):
     assert not planned.is_measured
     assert [s.name for s in planned.measurement.sensors] == ["P", "K", "T", "A"]

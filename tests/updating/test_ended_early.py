@@ -96,3 +96,11 @@ def test_a_diagnosis_by_modes_can_be_ended_at_each_candidate_that_it_looks_at(mo
     )
     looks = [text for text in told if text.startswith("looking at")]
     assert len(looks) > 3 * len(set(looks))
+
+
+def test_the_fraction_done_never_falls():
+    told = []
+    with beating(lambda text, done: told.append((text, done))) as say:
+        for text, done in (("one search", 0.4), ("another search", 0.1), ("concluding", 0.9)):
+            say(text, done)
+    assert told == [("one search", 0.4), ("another search", 0.4), ("concluding", 0.9)]
