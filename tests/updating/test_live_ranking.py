@@ -50,6 +50,8 @@ def test_far_from_the_data_the_missing_effect_is_first_before_any_fit_and_after(
     for h in (Hypothesis.nominal(live.problem), fitted):
         ranked = rank(live, h, tuple(candidates.values()), quiet)
         assert ranked.far
+        gains = [p.gain for p in ranked.promises]
+        assert gains == sorted(gains, reverse=True)
         assert ranked.promises[0].effect.name == "member_density:B"
         assert ranked.promises[0].effect.change > 0
         # of values on grids none is the right one: nothing is stated but the order

@@ -164,7 +164,7 @@ def _ranked(
     scores = np.append(evidence - against, [0.0, _gain_of_unknown(problem, forecast.look) - UNKNOWN_ODDS])
     # Far from the data a value of a grid may be better than another one, and none of them right.
     probabilities = np.full(len(scores), np.nan) if far else np.exp(scores - np.logaddexp.reduce(scores))
-    order = np.argsort(-scores[:-2], kind="stable")
+    order = np.argsort(-(gains if far else scores[:-2]), kind="stable")
     few_values, promises = look_at(problem, base), list[Promise]()
     for n, k in enumerate(order.tolist()):
         effect, some = effects[k], np.flatnonzero(forecast.owner == k)
