@@ -4,6 +4,7 @@ import argparse
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,9 +23,9 @@ def _read(text: str, convert: Callable[[str], N], is_allowed: Callable[[N], bool
     raise argparse.ArgumentTypeError(msg)
 
 
-def _whole(text: str) -> int:
+def _whole(text: str, most_digits: int = 19) -> int:
     """Read a whole number in digits alone; Python's own reader would take ``1_000`` and ``+1``."""
-    if not text.isdecimal() or len(text) > 1000:
+    if not text.isdecimal() or len(text) > most_digits:
         raise ValueError(text)
     return int(text)
 
@@ -102,7 +103,7 @@ def count(text: str) -> int:
 
 def natural(text: str) -> int:
     """Read a whole number of at least 0."""
-    return _read(text, _whole, lambda n: True, "a whole number of at least 0")
+    return _read(text, partial(_whole, most_digits=1000), lambda n: True, "a whole number of at least 0")
 
 
 def not_negative(text: str) -> float:

@@ -18,8 +18,6 @@ SAME = 1e-9
 AGREE = 0.1
 """Difference of the FRFs of two sensors in parts of them up to which their places are the same [-]."""
 
-Complex = Complexes
-
 
 def check_channels(
     model: Model,
@@ -116,7 +114,7 @@ def _defect(model: Model, text: str, *some: Sensor) -> Defect:
     return Defect("channel", text, np.unique([sensor_point(model.mesh, s) for s in some]))
 
 
-def _columns(a: Sensor, b: Sensor, measurements: Sequence[Measurement]) -> list[tuple[Complex, Complex]]:
+def _columns(a: Sensor, b: Sensor, measurements: Sequence[Measurement]) -> list[tuple[Complexes, Complexes]]:
     """Return the FRFs of two sensors in the measurements that have both."""
     names = [[s.name for s in m.sensors] for m in measurements]
     return [

@@ -12,7 +12,7 @@ from benchmarks.independent.casefiles import DIRECTIONS
 
 _FILES = "structures", "further", "later", "fresh", "latest", "newest", "unseen", "sealed", "open", "recent"
 STRUCTURES, *NAMED = (Path(__file__).with_name(f"{name}.toml") for name in _FILES)
-_, _, FRESH, *_, OPEN, _ = NAMED
+FRESH, OPEN = (STRUCTURES.with_name(f"{name}.toml") for name in ("fresh", "open"))
 """Structures that every run draws are the first ones; of the others each is drawn when it is named."""
 E, NU, RHO = 210e9, 0.3, 7850.0
 HELD = 1e11

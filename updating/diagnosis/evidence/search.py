@@ -186,6 +186,16 @@ def _ended(shared: tuple[Fits[P], P, Hypothesis], item: HalvingTrial) -> Hypothe
     return fits.pruned(problem, ended, base)
 
 
+def _best_first(ways: Iterator[list[HalvingTrial]]) -> Iterator[list[HalvingTrial]]:
+    """Yield the trials of each way, but last those that are far behind the best one on damped FRFs."""
+    behind, least = list[HalvingTrial](), np.inf
+    for trials in ways:
+        least = min([least, *(t.cost for t in trials)])
+        behind += [t for t in trials if t.cost > least + BEHIND_NATS]
+        yield [t for t in trials if t.cost <= least + BEHIND_NATS]
+    yield behind
+
+
 def _again(fits: tuple[Fits], h: Hypothesis) -> Hypothesis:
     return fits[0].again(h)
 
@@ -439,18 +449,10 @@ class Search(Generic[P]):
             return self.from_near(base, free, now, far=far)
         # What explains the data with a form far from nominal may be as far as it is fitted.
         out = self.from_near(base, free, now, far=False) if self.explains(base) else []
-        ways, behind, least = self.from_afar(base, damped, looked), list[HalvingTrial](), np.inf
+        ways = _best_first(self.from_afar(base, damped, looked))
         while not any(h.score > now + TWIN_NATS and self.fits.is_near(h) for h in out):
-            trials = next(ways, None)
-            if trials is None and not behind:
+            if (trials := next(ways, None)) is None:
                 break
-            if trials is None:
-                trials, behind = behind, []
-            else:
-                # What is far behind on damped FRFs waits: it is wanted only where nothing leads to the data.
-                least = min([least, *(t.cost for t in trials)])
-                behind += [t for t in trials if t.cost > least + BEHIND_NATS]
-                trials = [t for t in trials if t.cost <= least + BEHIND_NATS]
             out += self.workers.map(_ended, (self.fits, free, base), trials)
         return out
 
@@ -461,10 +463,7 @@ class Search(Generic[P]):
             self.known.setdefault(key, h.at_score(best.score + h.score - few[best.key].score))
 
     def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> Iterator[list[HalvingTrial]]:
-        """Yield candidates that damped FRFs ask for: the most promising, other effects, all connections.
-
-        An effect with one or two parameters takes a fifth of the time of a connection.
-        """
+        """Yield candidates that damped FRFs ask for: the most promising, other effects, all connections."""
         kept, now = values_of(base.effects), base.fitted
         order = [s.places[0].parent for s in self.scan(now) if len(s.places) == 1]
         if not base.effects:
