@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from dovetail import load_study, main
-from dovetail.commands.argument_types import share
+from dovetail.commands.argument_types import count, natural, share
 from dovetail.report.page import page
 from fem import FRF, assemble, compute_frf
 from fem.io import read_csv, read_npz, read_uff, write_npz
@@ -61,6 +61,13 @@ def test_a_picture_goes_into_a_folder_under_the_commands_name(portal, tmp_path):
     lines = ["--start", "10", "--stop", "60", "--step", "5"]
     assert main(["base", str(portal), *lines, "--picture", str(tmp_path), "--quiet"]) == 0
     assert (tmp_path / "base.png").stat().st_size > 0
+
+
+def test_a_count_has_at_most_nineteen_digits_and_a_seed_more():
+    assert count("9" * 19) == natural("9" * 19)
+    assert natural("9" * 20) == int("9" * 20)
+    with pytest.raises(argparse.ArgumentTypeError, match="a whole number of at least 1 is needed"):
+        count("9" * 20)
 
 
 @pytest.fixture(scope="module")
