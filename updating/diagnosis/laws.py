@@ -17,7 +17,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.diagnosis.amplitude import at_force_levels
 from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Start, values_of
+from updating.diagnosis.evidence.hypothesis import ScoredFit, Start, values_of
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
@@ -71,7 +71,7 @@ def with_laws(
 
 def _add_laws(
     search: Search[FitProblem],
-    base: Hypothesis,
+    base: ScoredFit,
     problem: FitProblem,
     levels: Sequence[FitData],
     laws: Sequence[AmplitudeDependent],

@@ -14,7 +14,7 @@ from fem.summary import percent
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.elsewhere import weigh_elsewhere
 from updating.diagnosis.evidence.diagnosis import Searched, search_promised, searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.hypothesis import ScoredFit
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import Finding, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
@@ -174,7 +174,7 @@ class ModeDiagnosis(Verdict):
         return self.problem, self.final.fitted, self.model
 
     @property
-    def final(self) -> Hypothesis:
+    def final(self) -> ScoredFit:
         """The hypothesis of the verdict: that without effects where no explanation is believed."""
         return _reported(self.searched)
 
@@ -294,7 +294,7 @@ def concluded(done: Searched[ModeProblem]) -> ModeDiagnosis:
     return replace(out, reason=reason, next_measurements=_next(out) if done.finished else ())
 
 
-def _reported(done: Searched[ModeProblem]) -> Hypothesis:
+def _reported(done: Searched[ModeProblem]) -> ScoredFit:
     return done.best if done.explains or not done.finished else done.search.known[frozenset()]
 
 
@@ -323,7 +323,7 @@ def _bad_readings(done: Searched[ModeProblem], problem: ModeProblem) -> list[Bad
 
 
 def _table(
-    problem: ModeProblem, nothing: Hypothesis, final: Hypothesis, readings: Sequence[BadReading]
+    problem: ModeProblem, nothing: ScoredFit, final: ScoredFit, readings: Sequence[BadReading]
 ) -> ModeTable:
     t = problem.targets
     bad = np.full(t.n, np.nan)

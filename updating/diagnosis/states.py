@@ -30,7 +30,7 @@ from fem.system import assemble, mass_forces
 from updating.diagnosis.baseline import calibrate
 from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import Searched, search_progress
-from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.hypothesis import ScoredFit
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import (
@@ -264,9 +264,9 @@ def change_since(
     return replace(out, notes=(*_notes_on(baseline, base), *out.notes), baseline=base, judged=baseline)
 
 
-def _found_beside(ways: Iterable[Searched[ModeProblem]]) -> tuple[Hypothesis, ...]:
+def _found_beside(ways: Iterable[Searched[ModeProblem]]) -> tuple[ScoredFit, ...]:
     """Return what changes the data as probably as the best does, beside other models of the first state."""
-    best: dict[frozenset[str], Hypothesis] = {}
+    best: dict[frozenset[str], ScoredFit] = {}
     for way in ways:
         every = [h for h in way.search.known.values() if h.effects and h.score > way.best.score - TWIN_NATS]
         best = {h.key: h for h in every} | best

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from fem.model import Effect, parameter_values
 from updating.diagnosis.evidence.fits import Fits
 from updating.diagnosis.evidence.halving import Damped
-from updating.diagnosis.evidence.hypothesis import Hypothesis as Fitted
-from updating.diagnosis.evidence.hypothesis import Odds
+from updating.diagnosis.evidence.hypothesis import Odds, ScoredFit
 from updating.diagnosis.evidence.ranking import Ranking, screened_near
 from updating.diagnosis.evidence.screening import look_at
 from updating.diagnosis.evidence.shortlist import MOST_PLACES
@@ -123,7 +122,7 @@ def rank(
         say("ranking candidates", 0.0)
         problem, added = live.problem_of(h), {e.name for e in h.effects}
         odds = Odds.of(candidates, problem.reduced.model)
-        base = Fitted(problem.assessed(h.result()), odds.prior(h.effects))
+        base = ScoredFit(problem.assessed(h.result()), odds.prior(h.effects))
         fits = Fits(problem, (), odds, Ranking())
         free, far = fits.free(base), fits.is_far(base)
         damped = Damped.of(free, base.fitted, bent=fits.is_bent(base)) if far else None

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
     from updating.diagnosis.evidence.halving import Damped
     from updating.diagnosis.evidence.hypothesis import (
-        Hypothesis,
         Odds,
+        ScoredFit,
         Start,
         n_changes,
         near_to,
