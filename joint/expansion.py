@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from joint._checks import ComplexArray, FloatArray, as_frequency, as_lines, frozen_copy
+from fem.array_types import Complexes, Floats
+from joint._checks import as_frequency, as_lines, frozen_copy
 from joint.interface import CoordinateSet, coordinates_of
 
 
@@ -39,20 +40,20 @@ class ExpandedFRF:
         cannot follow the data.
     """
 
-    frequency: FloatArray
+    frequency: Floats
     outputs: CoordinateSet
     inputs: CoordinateSet
-    H: ComplexArray
+    H: Complexes
     method: str
     condition: float
-    consistency: FloatArray
+    consistency: Floats
 
     def __post_init__(self) -> None:
         for name in ("frequency", "H", "consistency"):
             object.__setattr__(self, name, frozen_copy(getattr(self, name)))
 
 
-def rigid_rows(places: npt.ArrayLike, directions: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
+def rigid_rows(places: npt.ArrayLike, directions: npt.ArrayLike, point: npt.ArrayLike) -> Floats:
     """Return the readings of sensors for rigid motions of a point, (n, 6): u = eᵀ (q + θ × r).
 
     Parameters
@@ -122,7 +123,7 @@ def virtual_point(
 
 def _side(
     rows: npt.ArrayLike | CoordinateSet, weight: npt.ArrayLike | None, what: str, node: str
-) -> tuple[CoordinateSet, FloatArray, FloatArray, float]:
+) -> tuple[CoordinateSet, Floats, Floats, float]:
     """Return coordinates, the map to their sensors, its inverse, and the condition number."""
     if isinstance(rows, CoordinateSet):
         unit = np.eye(len(rows))
@@ -139,7 +140,7 @@ def _side(
     return coordinates_of([node]), R, T, condition
 
 
-def _reduction(R: FloatArray, weight: FloatArray, what: str, node: str) -> tuple[FloatArray, float]:
+def _reduction(R: Floats, weight: Floats, what: str, node: str) -> tuple[Floats, float]:
     # rotations in units of the mean arm, so that the condition depends on geometry only
     arm = float(np.sqrt((R[:, 3:] ** 2).sum() / max((R[:, :3] ** 2).sum(), 1e-300))) or 1.0
     scale = np.array([1, 1, 1, arm, arm, arm])
@@ -201,7 +202,7 @@ def expand_serep(
     return ExpandedFRF(lines, outputs, inputs, full, "SEREP", max(cond_out, cond_in), consistency)
 
 
-def _modal_inverse(shapes: FloatArray, what: str) -> tuple[FloatArray, float]:
+def _modal_inverse(shapes: Floats, what: str) -> tuple[Floats, float]:
     n, m = shapes.shape
     unit = shapes / np.maximum(np.linalg.norm(shapes, axis=0), 1e-300)
     s = np.linalg.svd(unit, compute_uv=False)

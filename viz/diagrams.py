@@ -8,12 +8,11 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.statics import StaticSolution
 from fem.analysis.stations import forces_on_lines, stresses_on_lines
-from fem.array_types import Floats
+from fem.array_types import Floats, Ints
 from fem.elements.frame import Frame
 from fem.model import Model
 from viz import style
@@ -291,7 +290,7 @@ def _outline(base: Floats, tips: Floats) -> pv.PolyData:
     return wire_mesh(points, np.column_stack([n, n + 1]))
 
 
-def _pairs(n: int) -> NDArray[np.int64]:
+def _pairs(n: int) -> Ints:
     """Return the edges between n pairs of points in a row."""
     return np.arange(2 * n).reshape(n, 2)
 
@@ -328,7 +327,7 @@ def _name_extremes(
         scene.labels.append(Label(place, readable(value), colour, 7.0, bold=True))
 
 
-def _taken(found: list[tuple[float, Floats]], value: float, place: NDArray[np.float64]) -> bool:
+def _taken(found: list[tuple[float, Floats]], value: float, place: Floats) -> bool:
     """Whether the same value is named at this place already, as that of another member."""
     return any(np.isclose(v, value) and np.allclose(p, place) for v, p in found)
 

@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from fem.array_types import Bools, Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,14 +21,14 @@ class Placement:
         False for a label for which there was no room.
     """
 
-    centre: NDArray[np.float64]
-    shown: NDArray[np.bool_]
+    centre: Floats
+    shown: Bools
 
 
 def place_labels(
     anchors: ArrayLike,
     sizes: ArrayLike,
-    occupied: NDArray[np.bool_],
+    occupied: Bools,
     taken: Sequence[tuple[float, float, float, float]] = (),
     reach: float = 9.0,
 ) -> Placement:

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.analysis.tabulated import Tabulated
+from fem.array_types import Floats
 from viz import style
 from viz.chart import Axis, Chart, Curve, Panel
 from viz.curves import frequency_axis
@@ -42,10 +42,7 @@ def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False) ->
 
 
 def plot_histories(
-    time: NDArray[np.float64],
-    panels: Sequence[tuple[str, NDArray[np.float64]]],
-    names: Sequence[str],
-    title: str = "",
+    time: Floats, panels: Sequence[tuple[str, Floats]], names: Sequence[str], title: str = ""
 ) -> Figure:
     """Plot histories over time.
 
@@ -66,11 +63,7 @@ def plot_histories(
 
 
 def plot_densities(
-    frequency: NDArray[np.float64],
-    densities: NDArray[np.float64],
-    names: Sequence[str],
-    unit: str,
-    title: str = "",
+    frequency: Floats, densities: Floats, names: Sequence[str], unit: str, title: str = ""
 ) -> Figure:
     """Plot power spectral densities over frequency, both axes logarithmic.
 
@@ -95,9 +88,7 @@ def plot_densities(
     return draw(Chart(curves, frequency_axis(frequency, log=True), y, _heading(title, len(names))))
 
 
-def plot_spectra(
-    spectra: Mapping[str, Tabulated], frequencies: NDArray[np.float64], title: str = ""
-) -> Figure:
+def plot_spectra(spectra: Mapping[str, Tabulated], frequencies: Floats, title: str = "") -> Figure:
     """Plot response spectra of the base, with a mark at each mode.
 
     Parameters
@@ -121,7 +112,7 @@ def plot_spectra(
     return draw(Chart(marks, Axis("frequency [Hz]", (low, high), log=True), y, title))
 
 
-def _curves(x: NDArray[np.float64], values: NDArray[np.float64], names: Sequence[str]) -> list[Curve]:
+def _curves(x: Floats, values: Floats, names: Sequence[str]) -> list[Curve]:
     """Return the first columns of values as curves."""
     each = zip(values.T, names, style.SERIES, strict=False)
     return [Curve(x=x, y=y, name=name, colour=colour, dash="-", width=1.3) for y, name, colour in each]

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Ints
 from fem.declarations import Entry, Marker, Relevant, Role, Site, StiffnessAt
 from fem.effects.on_member import OnMember
 from fem.effects.places import bending_members, elements_of, frame_of, material_of, sheared_frame
@@ -39,7 +39,7 @@ def changed_member(
     return tuple(_of_all(c, dofs) for c in changes)
 
 
-def _of_all(one: Contribution, dofs: NDArray[np.int64]) -> Contribution:
+def _of_all(one: Contribution, dofs: Ints) -> Contribution:
     """Return the contribution of elements that all have the matrices of one."""
     K, M, D = (
         None if X is None else np.broadcast_to(X, (len(dofs), *X.shape[1:])) for X in (one.K, one.M, one.D)

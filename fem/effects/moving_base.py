@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Internal, Marker, Role, Site
 from fem.effects.proportional_damping import MassDamping
 from fem.ground import MovingGround
@@ -34,7 +34,7 @@ class MovingBase(Effect):
     kind: ClassVar[str] = "moving_base"
     role: ClassVar[Role] = Role.MASS
     marker: ClassVar[Marker | None] = Marker("triangle", "support")
-    directions: NDArray[np.float64]
+    directions: Floats
     mass: float
 
     def __post_init__(self) -> None:
@@ -66,7 +66,7 @@ class MovingBase(Effect):
         return (Contribution(model.internal_dofs(self.name)[None], M=M[None]),)
 
 
-def base_moved(model: Model, directions: NDArray[np.float64], name: str = "moving base") -> Model:
+def base_moved(model: Model, directions: Floats, name: str = "moving base") -> Model:
     """Return a model whose supports and grounds move along some directions (k, 3) with a heavy base.
 
     Rayleigh's αM then resists the motion relative to the base, as modal damping does.

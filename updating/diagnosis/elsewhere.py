@@ -1,8 +1,8 @@
 """Further positions along members at which an effect explains measured modes as well."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import ScoredFit, values_of
 from updating.diagnosis.evidence.search import Search
@@ -77,7 +77,7 @@ def _other_positions(search: Search[ModeProblem], h: ScoredFit, effect: Effect) 
     return [grid.points[best[k]] for k in others[:MOST_POSITIONS]]
 
 
-def _between(places: NDArray[np.float64], k: int, position: float) -> bool:
+def _between(places: Floats, k: int, position: float) -> bool:
     """Whether a position lies between the neighbours of a place."""
     return bool(places[max(k - 1, 0)] <= position <= places[min(k + 1, len(places) - 1)])
 

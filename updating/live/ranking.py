@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect, parameter_values
 from updating.diagnosis.evidence.fits import Fits
 from updating.diagnosis.evidence.halving import Damped
@@ -54,7 +54,7 @@ class Promise:
     std: float
     gain: float
     probability: float
-    changes: NDArray[np.float64] | None = None
+    changes: Floats | None = None
 
     @property
     def parameters(self) -> tuple[EffectParameter, ...]:
@@ -138,7 +138,7 @@ def _ranked(
     problem: FitProblem,
     base: FitResult,
     effects: Sequence[Effect],
-    against: NDArray[np.float64],
+    against: Floats,
     say: Progress,
     *,
     far: bool,
@@ -186,7 +186,7 @@ def _gain_of_unknown(problem: FitProblem, look: Look) -> float:
     return look.likelihood.gain(v, look.likelihood.noise + allowed)
 
 
-def _directions(look: Look, effect: Effect) -> NDArray[np.float64]:
+def _directions(look: Look, effect: Effect) -> Floats:
     """Return the directions of the whitened changes by an effect as it is, and on its grid, (n, r)."""
     grid = Grid.of(look.problem, effect)
     change = look.changes(Grid(effect, (parameter_values(effect), *grid.points)))

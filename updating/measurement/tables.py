@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
+from fem.array_types import Complexes, Floats
 from fem.io.uff_format import UffError, label_of, parse_label
 from updating.measurement.measurement import MOTION, MeasurementError, Sensor
 
@@ -109,7 +110,7 @@ def table_from_sensors(
     scale : float
         Metres in the table's unit of length.
     """
-    places: list[NDArray[np.float64]] = []
+    places: list[Floats] = []
     groups: list[int] = []
     for s in sensors:
         near = [k for k, p in enumerate(places) if np.allclose(p, s.point, rtol=0, atol=1e-9)]
@@ -182,7 +183,7 @@ def frf_from_labelled(
 
 def labelled_from_frf(
     frf: FRF, dofs: Mapping[str, str] | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[Any]]:
+) -> tuple[Floats, Complexes, NDArray[Any]]:
     """Return abscissa (n_freq,), ordinate (n_out, n_in, n_freq) and coordinate (n_out, n_in, 2) of FRFs.
 
     Parameters
@@ -241,7 +242,7 @@ def modes_from_labelled(
 
 def labelled_from_modes(
     modes: Modes, dofs: Mapping[str, str] | None = None
-) -> tuple[NDArray[np.float64], NDArray[Any], NDArray[Any]]:
+) -> tuple[Floats, NDArray[Any], NDArray[Any]]:
     """Return frequency (n_modes,), shape matrix (n_modes, n_dof) and coordinate (n_dof,) of labelled modes.
 
     Raises

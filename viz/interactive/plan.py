@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import Normalize
-from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
+from fem.array_types import Floats
 from fem.model import Effect, Model
 from updating.diagnosis.evidence.places import place_of
 from updating.plan.plan import Outlook
@@ -105,7 +105,7 @@ def sizes_figure(
 class _Spot:
     """A place with the sizes that are shown there, infinite where none is plausible, and a line for each."""
 
-    point: NDArray[np.float64]
+    point: Floats
     sizes: list[float]
     lines: list[str]
 

@@ -4,8 +4,8 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Odds, ScoredFit, values_of
 from updating.inference.fit_function import FitFunction
@@ -14,7 +14,7 @@ from updating.inference.problem import Problem
 
 def gains_without(
     problem: Problem[Any], h: ScoredFit, groups: Sequence[Collection[str]], odds: Odds
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return by how much the score of a hypothesis would rise without each of some groups of its effects.
 
     Near a converged optimum x with the covariance C, ln p(data) without the unknowns o changes by

@@ -9,8 +9,8 @@ from itertools import combinations, product
 from typing import Any, Generic
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Role
 from fem.model import Effect, covers
 from updating.correlation import DB_PER_NEPER
@@ -141,8 +141,8 @@ class Maximum:
     log_evidence : float
     """
 
-    x: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    x: Floats
+    covariance: Floats
     log_evidence: float
 
     def distance(self, other: "Maximum") -> float:
@@ -259,7 +259,7 @@ class Search(Generic[P]):
     _extended: set[frozenset[str]] = field(default_factory=set, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
     # Of the problem beside them: they are asked for with every probability.
-    _allowed: tuple[P, NDArray[np.float64]] | None = field(default=None, init=False)
+    _allowed: tuple[P, Floats] | None = field(default=None, init=False)
     # Of one fit by one problem: it is asked for from afar and from near.
     _last_scan: tuple[P, FitResult, tuple[Scanned, ...]] | None = field(default=None, init=False)
 
