@@ -115,10 +115,14 @@ def virtual_point(
     inputs, Ri, T_f, cond_in = _side(R_in, weight_in, "forces", node)
     data = as_lines(H, "H", lines, [f"o{i}" for i in range(len(Ro))], [f"i{i}" for i in range(len(Ri))])
     q = T_u @ data @ T_f.T
-    size = np.linalg.norm(data, axis=(1, 2))
-    kept = np.linalg.norm(Ro @ q @ Ri.T, axis=(1, 2))
-    consistency = np.divide(kept, size, out=np.ones(lines.size), where=size > 0)
+    consistency = _kept(Ro @ q @ Ri.T, data)
     return ExpandedFRF(lines, outputs, inputs, q, "virtual point", max(cond_out, cond_in), consistency)
+
+
+def _kept(part: Complexes, data: Complexes) -> Floats:
+    """Return the size of a part of FRFs over theirs, line by line; 1 without any."""
+    size = np.linalg.norm(data, axis=(1, 2))
+    return np.divide(np.linalg.norm(part, axis=(1, 2)), size, out=np.ones(len(size)), where=size > 0)
 
 
 def _side(
@@ -196,9 +200,7 @@ def expand_serep(
     inverse_in, cond_in = _modal_inverse(Si, "forces")
     modal = inverse_out @ data @ inverse_in.T
     full = np.asarray(full_out, dtype=float) @ modal @ np.asarray(full_in, dtype=float).T
-    size = np.linalg.norm(data, axis=(1, 2))
-    kept = np.linalg.norm(So @ modal @ Si.T, axis=(1, 2))
-    consistency = np.divide(kept, size, out=np.ones(lines.size), where=size > 0)
+    consistency = _kept(So @ modal @ Si.T, data)
     return ExpandedFRF(lines, outputs, inputs, full, "SEREP", max(cond_out, cond_in), consistency)
 
 

@@ -30,7 +30,6 @@ def place_labels(
     sizes: ArrayLike,
     occupied: Bools,
     taken: Sequence[tuple[float, float, float, float]] = (),
-    reach: float = 9.0,
 ) -> Placement:
     """Place labels around their anchors, one after the other, the first being the most important.
 
@@ -48,8 +47,6 @@ def place_labels(
         True where the picture already shows something.
     taken : sequence of (left, top, right, bottom)
         Rectangles that must stay free [pixel].
-    reach : float
-        Radius of the farthest ring in heights of the label [-].
     """
     anchors, sizes = np.array(anchors, float).reshape(-1, 2), np.array(sizes, float).reshape(-1, 2)
     height, width = occupied.shape
@@ -58,7 +55,7 @@ def place_labels(
     boxes = [tuple(map(float, box)) for box in taken]
     centre, shown = anchors.copy(), np.zeros(len(anchors), dtype=bool)
     angle = np.deg2rad([45, 135, 315, 225, 90, 270, 0, 180, 20, 160, 340, 200, 70, 110, 250, 290])
-    rings = np.geomspace(0.45, reach, 14)
+    rings = np.geomspace(0.45, 9.0, 14)  # radii in heights of the label
     for k, (anchor, (w, h)) in enumerate(zip(anchors, sizes, strict=True)):
         out = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
         gap = h * rings[:, None, None] * out

@@ -128,17 +128,12 @@ def solve_buckling(
     return modes
 
 
-def lowest_factor(
-    system: System, solution: StaticSolution, case: int | str = 0, factor: Factor | None = None
-) -> float:
-    """Return the lowest positive load factor; infinite where a load does not make the structure buckle.
-
-    ``factor`` is that of the system's K, if it is known.
-    """
-    K_G = _geometric(system, solution, case)[1]
+def lowest_factor(system: System, solution: StaticSolution) -> float:
+    """Return the lowest positive factor of the first load; infinite where the structure does not buckle."""
+    K_G = _geometric(system, solution, 0)[1]
     if not K_G.count_nonzero():
         return np.inf
-    mu = _largest(system, -K_G, 1, "positive", factor, repeated=False)[0]
+    mu = _largest(system, -K_G, 1, "positive", repeated=False)[0]
     return float(1 / mu[0]) if mu.size else np.inf
 
 
@@ -150,7 +145,7 @@ def _geometric(system: System, solution: StaticSolution, case: int | str) -> tup
 
 
 def _largest(
-    system: System, A: sp.csc_array, n: int, sign: str, factor: Factor | None = None, *, repeated: bool = True
+    system: System, A: sp.csc_array, n: int, sign: str, *, repeated: bool = True
 ) -> tuple[Floats, Floats]:
     """Return the eigenvalues of A x = μ K x of a sign that are largest in size, and their vectors.
 
@@ -163,7 +158,7 @@ def _largest(
         outer = np.outer(scale, scale)
         mu, vectors = sla.eigh(outer * A.toarray(), outer * K)
         return _sorted(mu, scale[:, None] * vectors, n, sign)
-    factor = factor_stiffness(system) if factor is None else factor
+    factor = factor_stiffness(system)
     loaded = np.flatnonzero(abs(A).sum(axis=0))
     if loaded.size <= DENSE_LIMIT or 2 * n > loaded.size // 3:
         return _sorted(*_dense(A, loaded, factor), n, sign)

@@ -17,7 +17,6 @@ from fem.array_types import Floats, Ints
 from fem.linalg.solvers import Factor
 from fem.system import System, full_matrices
 
-_UNIT_ROUNDOFF = np.finfo(float).eps / 2
 _OPERATIONS = 36
 """Operations by which an entry of a line's stiffness comes from E, the section and both nodes.
 
@@ -75,7 +74,7 @@ def residual_rounding(
         [N, N·m].
     """
     K = sp.csr_array(K)
-    unit = (_OPERATIONS + int(np.diff(K.indptr).max(initial=0))) * _UNIT_ROUNDOFF
+    unit = (_OPERATIONS + int(np.diff(K.indptr).max(initial=0))) * np.finfo(float).eps / 2
     lines = unit * (abs(on_lines) @ abs(u)[dofs] + abs(equilibrium.fixed))
     nodes = unit * (abs(K) @ abs(u))
     np.add.at(nodes, dofs, lines)

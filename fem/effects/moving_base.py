@@ -66,7 +66,7 @@ class MovingBase(Effect):
         return (Contribution(model.internal_dofs(self.name)[None], M=M[None]),)
 
 
-def base_moved(model: Model, directions: Floats, name: str = "moving base") -> Model:
+def base_moved(model: Model, directions: Floats) -> Model:
     """Return a model whose supports and grounds move along some directions (k, 3) with a heavy base.
 
     Rayleigh's αM then resists the motion relative to the base, as modal damping does.
@@ -90,8 +90,8 @@ def base_moved(model: Model, directions: Floats, name: str = "moving base") -> M
             "joints and springs to the ground"
         )
         raise ModelError(msg)
-    moved = model.with_effect(MovingBase(name=name, directions=directions, mass=HEAVIER * mass))
+    moved = model.with_effect(MovingBase(name="moving base", directions=directions, mass=HEAVIER * mass))
     if not model.damping.alpha:
         return moved
-    rayleigh = MassDamping(name=f"mass damping of {name}", alpha=model.damping.alpha)
+    rayleigh = MassDamping(name="mass damping of moving base", alpha=model.damping.alpha)
     return moved.with_damping(replace(model.damping, alpha=0.0)).with_effect(rayleigh)

@@ -13,7 +13,7 @@ import numpy as np
 
 from fem.io.ansys_content import AnsysDeck, AnsysElement
 from fem.io.ansys_deck import read_deck
-from fem.io.ansys_frame import read_ansys_frame
+from fem.io.ansys_frame import BY_SECTION, read_ansys_frame
 from fem.io.ansys_systems import rotation
 from fem.io.ansys_write import LABEL, Attributes, command, commands, section_commands
 from fem.io.deck_nodes import directions_in, wrapped
@@ -34,7 +34,6 @@ from fem.io.source_changes import (
 from fem.materials import Material
 from fem.model import DIRECTIONS
 
-BY_SECTION = (188, 189, 288, 289)
 _ITEM = re.compile(r"(MASS21|COMBIN14|CE) (\d+)")
 
 
@@ -213,12 +212,9 @@ class _AnsysWriter:
         absolute = command is not None and any(command.control[k : k + 1] not in ([], [0.0]) for k in (0, 2))
         return v.section or (v.material and absolute)
 
-    def _kind(self, e: AnsysElement) -> int:
-        return self.archive.types[e.type][0]
-
     def _simple(self, source: int) -> bool:
         """Whether constants of a section along the axes of its elements stand for it."""
-        return source not in self.changes.shifted and self._kind(self.element_of[source]) == 188
+        return source not in self.changes.shifted and self.archive.kind(self.element_of[source]) == 188
 
     def _section_in_place(self, i: int, v: Variant) -> None:
         if v.source < 0 or not v.complete or not self._needs_section(v) or not self._simple(v.source):
@@ -227,7 +223,7 @@ class _AnsysWriter:
         others = {
             x.number
             for x in self.archive.elements.values()
-            if x.section == e.section and self._kind(x) in BY_SECTION
+            if x.section == e.section and self.archive.kind(x) in BY_SECTION
         }
         bars = self.changes.source.bars
         if others == set(bars.numbers[bars.properties == v.source].tolist()):

@@ -86,7 +86,6 @@ ANYWHERE: dict[str, Handler] = {
 _GENERATES = (
     "generates or changes parts of the model; solve or save it in ANSYS, and write it with CDWRITE,DB"
 )
-_OTHER_FILE = "reads another file; write all into one"
 _REASONS = {
     """FILL NGEN NSYM NORA NANG NKPT TRANSFER MOVE CENTER NUMMRG NUMCMP NUMSTR EGEN ESYM EMORE ENGEN
     EINTF ESURF EORIENT ENSYM ENORM ETCHG ENDRELEASE KMESH LMESH AMESH VMESH PSMESH MPCOPY CPCYC
@@ -101,7 +100,9 @@ _REASONS = {
     "CSKP CSWPLA": "defines a coordinate system by a solid model or the working plane; use LOCAL",
     "CMMOD CMEDIT CMGRP": "changes or groups components; select them one by one, and name them with CM",
     "SE": "reads a superelement; read its matrices as a part of a study",
-    "CDREAD NREAD EREAD MPREAD SECREAD LSREAD RESUME PARRES /INPUT *ULIB": _OTHER_FILE,
+    "CDREAD NREAD EREAD MPREAD SECREAD LSREAD RESUME PARRES /INPUT *ULIB": (
+        "reads another file; write all into one"
+    ),
     "*USE *CREATE *REPEAT *GO *DOWHILE": "changes the order of commands; write the model with CDWRITE,DB",
 }
 REFUSED = {key_of(name): reason for names, reason in _REASONS.items() for name in names.split()}

@@ -15,6 +15,7 @@ from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import BarProperty, Bars
 from fem.io.frame_of_model import ModelDeck
 from fem.io.frame_sections import material_of
+from fem.io.nastran_bars import DEFAULTS
 from fem.io.nastran_cards import BulkData, runs_of
 from fem.io.nastran_deck import Card, NastranDeck, open_deck
 from fem.io.nastran_frame import read_nastran_frame
@@ -334,7 +335,7 @@ class _NastranWriter:
         if element.name == "CONROD":
             return None
         found = self.deck.by_number(*OF_ELEMENT[element.name])
-        default = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}.get(element.name, "")
+        default = DEFAULTS.get(element.name, "")
         text = element.text(1) or next((c.text(1) for c in self.deck.of(default)), "") or element.text(0)
         return found[int(text)]
 

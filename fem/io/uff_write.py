@@ -32,7 +32,6 @@ _NUMERATOR = {
     FRFKind.MOBILITY: (11, "Velocity", "m/s", "rad/s"),
     FRFKind.ACCELERANCE: (12, "Acceleration", "m/s^2", "rad/s^2"),
 }
-_STRAIN = (3, "Strain", "m/m", "m/m")
 
 
 def write_uff(
@@ -383,7 +382,7 @@ def _function_head(
     strain: bool,
 ) -> str:
     (node, direction), (reference, sense) = ends
-    kind, word, unit, turned = _STRAIN if strain else _NUMERATOR[frf.kind]
+    kind, word, unit, turned = (3, "Strain", "m/m", "m/m") if strain else _NUMERATOR[frf.kind]
     moment = abs(sense) > 3
     below = (13, "Moment" if moment else "Force", "N*m" if moment else "N")
     if driven:

@@ -12,7 +12,7 @@ from fem.array_types import Floats
 from fem.linalg.solvers import one_thread
 from fem.model import Effect
 from fem.summary import fields_summary
-from updating.correlation import compare
+from updating.correlation import DB_PER_NEPER, compare
 from updating.diagnosis.candidates import propose
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
@@ -165,4 +165,4 @@ def _about_best(forecast: Forecast, k: int) -> Grid:
 
 def _rms(x: Floats) -> float:
     x = x[np.isfinite(x)]
-    return float(np.sqrt((x**2).mean()) * 20 / np.log(10)) if x.size else float("nan")
+    return float(np.sqrt((x**2).mean()) * DB_PER_NEPER) if x.size else float("nan")

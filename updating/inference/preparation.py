@@ -307,12 +307,12 @@ def _across(frequency: Floats, H: Complexes) -> Floats:
     return np.sqrt(np.maximum(mean, 0.0)) / squares
 
 
-def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:
+def discretisation_error(problem: FitProblem) -> tuple[float, float]:
     """Estimate the error of the mesh by halving every element: root mean square [dB], and level [nepers].
 
     The error falls at least with the square of their size, so that the difference is 3/4 of the error.
     """
-    lines = problem.lines_up_to(np.inf, n_lines)
+    lines = problem.lines_up_to(np.inf, 200)
     nominal = problem.nominal().as_described()
     problem = problem.unloaded(nominal)
     finer = finer_receptances(problem, nominal, lines)

@@ -215,34 +215,22 @@ class CrossPrediction:
         return out
 
 
-def cross_predict(
-    problem: FitProblem, field: Field, prior: tuple[float, float, float, float] | None = None
-) -> CrossPrediction:
+def cross_predict(problem: FitProblem, field: Field) -> CrossPrediction:
     """Predict every sensor of a problem from the others.
 
-    Parameters
-    ----------
-    problem : FitProblem
-    field : Field
-    prior : (float, float, float, float), optional
-        Share of the field that is unknown, error of readings, rough and loose parts; unless given, those of a
-        few with which the sensors predict one another best (the pseudo-likelihood of Rasmussen & Williams,
-        equation 5.11, with Student's t in place of the normal density).
+    The share of the field that is unknown, the error of readings, and the rough and loose parts are those, of
+    a few, with which the sensors predict one another best (the pseudo-likelihood of Rasmussen & Williams,
+    equation 5.11, with Student's t in place of the normal density).
     """
-    if prior is None:
-        few = slice(None, None, max(1, len(field.lines) // 50))
-        # Tried for the part of motions that violate a constraint, as a support that gives way causes [-]
-        loose = (0.0, 0.3) if field.loose.any() else (0.0,)
-        # Tried for the part of the forces that is white in strain, as a missing local stiffness causes [-]
-        trials = list(itertools.product((0.0, 0.3), loose))
-        chosen = max(
-            itertools.product(_SHARES, _ERRORS), key=lambda t: _score(problem, field, (*t, 0.0, 0.0), few)
-        )
-        prior = max(((*chosen, *t) for t in trials), key=lambda t: _score(problem, field, t, few))
-        prior = max(
-            ((*t, *prior[2:]) for t in itertools.product(_SHARES, _ERRORS)),
-            key=lambda t: _score(problem, field, t, few),
-        )
+    few = slice(None, None, max(1, len(field.lines) // 50))
+    # Tried for the part of motions that violate a constraint, as a support that gives way causes [-]
+    loose = (0.0, 0.3) if field.loose.any() else (0.0,)
+    # Tried for the part of the forces that is white in strain, as a missing local stiffness causes [-]
+    trials = list(itertools.product((0.0, 0.3), loose))
+    levels = list(itertools.product(_SHARES, _ERRORS))
+    chosen = max(levels, key=lambda t: _score(problem, field, (*t, 0.0, 0.0), few))
+    prior = max(((*chosen, *t) for t in trials), key=lambda t: _score(problem, field, t, few))
+    prior = max(((*t, *prior[2:]) for t in levels), key=lambda t: _score(problem, field, t, few))
     return _predicted(problem, field, prior, slice(None))
 
 

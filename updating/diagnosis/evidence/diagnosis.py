@@ -170,28 +170,6 @@ class Searched(Generic[P]):
         return sum(map(self.probability, there))
 
 
-def search_by_evidence(
-    model: Model,
-    measurement: Measurement,
-    nuisances: Sequence[Nuisance] = (),
-    *,
-    kinds: Sequence[str] | None = None,
-    exclude: Sequence[str] = (),
-    progress: Progress | None = None,
-    crew: Workers = ALONE,
-    **settings: Unpack[ProblemOptions],
-) -> Searched[FitProblem]:
-    """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
-
-    A ``crew`` computes independent fits.
-    """
-    say = progress or (lambda text, done: None)
-    say("reducing the model", 0.0)
-    prepared = prepare_search(model, measurement, nuisances, kinds=kinds, exclude=exclude, **settings)
-    say("fitting the uncertain parameters", 0.05)
-    return searched(search_of_problem(*prepared, progress=say, crew=crew), say)
-
-
 @one_thread()
 def prepare_search(
     model: Model,
