@@ -34,8 +34,7 @@ def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False) ->
     panels = []
     for j, motion in enumerate(frf.inputs):
         sizes = np.abs(frf.H[:, :_MOST_CURVES, j])
-        shown = sizes[sizes > _DEEPEST * sizes.max(initial=0.0)]
-        limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
+        limits = _limits(sizes, sizes)
         label = f"{'relative ' * relative}{response} [{unit}]\n{motion}"
         panels.append(Panel(_curves(frf.frequency, sizes, frf.outputs), Axis(label, limits, log=True), 1.0))
     return _stacked(panels, frequency_axis(frf.frequency), _heading("", len(frf.outputs)))
@@ -82,9 +81,7 @@ def plot_densities(
     """
     values = np.maximum(densities[:, :_MOST_CURVES], 1e-300)
     curves = _curves(frequency, values, names)
-    shown = values[values > _DEEPEST * densities.max(initial=0.0)]
-    limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
-    y = Axis(f"power spectral density [{unit}]", limits, log=True)
+    y = Axis(f"power spectral density [{unit}]", _limits(values, densities), log=True)
     return draw(Chart(curves, frequency_axis(frequency, log=True), y, _heading(title, len(names))))
 
 
@@ -130,3 +127,9 @@ def _heading(title: str, n: int) -> str:
     if n <= _MOST_CURVES:
         return title
     return f"{title}{', ' if title else ''}the first {_MOST_CURVES} of {n}"
+
+
+def _limits(values: Floats, of: Floats) -> tuple[float, float] | None:
+    """Return the ends of a logarithmic axis of values, without those far below the largest of some."""
+    shown = values[values > _DEEPEST * of.max(initial=0.0)]
+    return (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None

@@ -12,6 +12,7 @@ from fem.effects.places import bending_members, elements_of, frame_of, material_
 from fem.elements.frame import changes_between, member_contribution
 from fem.elements.lines import SectionChange
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
+from fem.sections.section import Section
 
 
 def changed_member(
@@ -90,12 +91,14 @@ class MemberSection(OnMember):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the member's matrices with the stretched section, less the model's."""
         section = frame_of(model).members[self.member].section
+        return changed_member(model, self.member, SectionChange(**self.factors(section)))
+
+    def factors(self, section: Section) -> dict[str, Any]:
+        """Return the factors of the constants of the member's section."""
         f = 1 + self.change
         cube, one = (f**3, f) if self.direction == "z" else (f, f**3)
         polar = (cube * section.Iy + one * section.Iz) / (section.Iy + section.Iz)
-        return changed_member(
-            model, self.member, SectionChange(A=f, Iy=cube, Iz=one, Ip=polar, J=f**4 / polar)
-        )
+        return {"A": f, "Iy": cube, "Iz": one, "Ip": polar, "J": f**4 / polar}
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's elements depend."""

@@ -120,12 +120,3 @@ class AnsysDeck:
     def name_number(self, element: AnsysElement) -> int:
         """Return the number in the name of an element's type: 188 of BEAM188; 0 without an ET."""
         return self.types.get(element.type, (0, 0))[0]
-
-
-def counted(lines: dict[str, list[int]]) -> str:
-    """Return names with their counts and first lines, for a sentence."""
-    names = [
-        f"{n} ({len(at)}, first at line {at[0]})" if len(at) > 1 else f"{n} (line {at[0]})"
-        for n, at in lines.items()
-    ]
-    return ", ".join(names)

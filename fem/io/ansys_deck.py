@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fem.io import ansys_blocks, ansys_commands, ansys_selection
-from fem.io.ansys_content import AnsysDeck, counted
+from fem.io.ansys_content import AnsysDeck
 from fem.io.ansys_script import Command, key_of
 from fem.io.ansys_state import ELEM, NODE, AnsysState
-from fem.io.deck import Files, words
+from fem.io.deck import Files, counted, words
 
 Handler = Callable[[AnsysState, Command], None]
 
@@ -233,7 +233,7 @@ def _end(state: AnsysState, c: Command) -> None:
             later.setdefault(after.name.upper(), []).append(after.line)
     if later:
         ends = "ends the file" if c.key[0] == "/" else "is the first solution"
-        deck.notes.append(f"line {c.line}: {name} {ends}; left out after it: {counted(later)}")
+        deck.notes.append(f"line {c.line}: {name} {ends}; left out after it: {counted(later, 'line ')}")
 
 
 def _notes(deck: AnsysDeck) -> None:
@@ -245,6 +245,6 @@ def _notes(deck: AnsysDeck) -> None:
     loads = {n: lines for n, lines in deck.ignored.items() if n in LOADS}
     others = {n: lines for n, lines in deck.ignored.items() if n not in known}
     if loads:
-        deck.notes.append(f"loads are left out: {counted(loads)}")
+        deck.notes.append(f"loads are left out: {counted(loads, 'line ')}")
     if others:
-        deck.notes.append(f"commands that are not read: {counted(others)}")
+        deck.notes.append(f"commands that are not read: {counted(others, 'line ')}")

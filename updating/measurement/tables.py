@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
 from fem.array_types import Complexes, Floats
+from fem.io.frf_labels import matrix_of
 from fem.io.uff_format import UffError, label_of, parse_label
 from updating.measurement.measurement import MOTION, MeasurementError, Sensor
 
@@ -169,8 +170,7 @@ def frf_from_labelled(
         twice = next(p for k, p in enumerate(pairs) if p in pairs[:k])
         msg = f"the function {twice[0]}/{twice[1]} comes twice; give one of each"
         raise MeasurementError(msg)
-    outputs, inputs = (list(dict.fromkeys(p[k] for p in pairs)) for k in (0, 1))
-    holes = [f"{o}/{i}" for o in outputs for i in inputs if (o, i) not in cells]
+    outputs, inputs, holes = matrix_of(pairs)
     if holes:
         msg = (
             f"{len(outputs)} responses and {len(inputs)} references need {len(outputs) * len(inputs)} "

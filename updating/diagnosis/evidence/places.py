@@ -8,7 +8,7 @@ import numpy as np
 
 from fem.array_types import Complexes, Floats, Ints
 from fem.lengths import length_text
-from fem.model import Contribution, Effect, Model, parameter_values
+from fem.model import Contribution, Effect, Model
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.problem import Problem
 
@@ -208,8 +208,3 @@ def _strongest(A: Complexes) -> Complexes:
     if A.shape[3] <= MOST_SHAPES:
         return A
     return np.linalg.svd(A / np.maximum(size, 1e-300), full_matrices=False)[0][..., :MOST_SHAPES]
-
-
-def present(effect: Effect) -> dict[str, float]:
-    """Return an effect's values, of which none is infinite."""
-    return {k: v for k, v in parameter_values(effect).items() if np.isfinite(v)}
