@@ -245,8 +245,8 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
     first : mapping of str to int
         First free numbers of the source, of ``"node"``, ``"element"`` and the like.
     """
-    before = _in_source(deck_of(model_of(source), source.file), source)
-    after = _in_source(model_deck, source)
+    before = in_source(deck_of(model_of(source), source.file), source)
+    after = in_source(model_deck, source)
     own, shared = ({*d.bars.ends.ravel().tolist()} & {*range(len(source.nodes))} for d in (before, after))
     if 2 * len(own & shared) < len(own):
         msg = (
@@ -259,16 +259,8 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
         before, bars=taken(before.bars, [old[k][0] if old[k] else (0, False) for k in range(len(old))])
     )
     rows, pieces, variants, lost = _changed_bars(after, before, source)
-    removed, new = _items(after, before)
-    was, now = ({_key(d, n): f for n, f in d.supports.items()} for d in (before, after))
-    supports = {
-        n: more for n, f in after.supports.items() if (more := others_than(f, was.get(_key(after, n), ())))
-    }
-    freed = {
-        int(before.nodes[n]): less
-        for n, f in before.supports.items()
-        if (less := others_than(f, now.get(_key(before, n), ())))
-    }
+    removed, new = changed_items(after, before)
+    supports, freed = changed_supports(after, before)
     bars = _spanned(after.bars, rows)
     names = [source.bars.numbers[p.source] if p.source >= 0 else 0 for p in pieces]
     bars = replace(bars, numbers=np.array(names, dtype=np.int64))
@@ -313,15 +305,10 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
     )
 
 
-def others_than(some: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
-    """Return those that are not among others."""
-    return tuple(d for d in some if d not in others)
-
-
 # Nodes ------------------------------------------------------------------------------------------------------
 
 
-def _in_source(deck: ModelDeck, source: FrameDeck) -> ModelDeck:
+def in_source(deck: ModelDeck, source: FrameDeck) -> ModelDeck:
     """Return a deck whose first nodes are those of the source; others have the number 0."""
     size = max(float(np.ptp(source.points, axis=0).max()), 1e-300)
     row_of = {int(n): k for k, n in enumerate(source.nodes)}
@@ -335,11 +322,12 @@ def _in_source(deck: ModelDeck, source: FrameDeck) -> ModelDeck:
     rest = np.array([k for k in range(len(source.nodes)) if k not in taken], dtype=np.int64)
     lone = np.flatnonzero(new < 0)
     if len(rest) and len(lone):
-        gap, at = cKDTree(source.points[rest]).query(deck.points[lone])
-        for k, g, j in zip(lone.tolist(), gap.tolist(), at.tolist(), strict=True):
-            if g <= SAME_PLACE * size and int(rest[j]) not in taken:
-                new[k] = rest[j]
-                taken.add(int(rest[j]))
+        near = cKDTree(source.points[rest]).query_ball_point(deck.points[lone], SAME_PLACE * size)
+        for k, some in zip(lone.tolist(), near, strict=True):
+            at = next((int(rest[j]) for j in sorted(some) if int(rest[j]) not in taken), None)
+            if at is not None:
+                new[k] = at
+                taken.add(at)
     n = len(source.nodes)
     more = np.flatnonzero(new < 0)
     new[more] = n + np.arange(len(more))
@@ -387,9 +375,23 @@ def _used(deck: ModelDeck) -> set[int]:
     return {n for key in ITEMS for x in getattr(deck, key) for n in nodes_of(x)} | set(deck.supports)
 
 
-def _key(deck: ModelDeck, row: int) -> object:
-    """Return the row of a node of the source, else the place of another one."""
-    return row if deck.nodes[row] else tuple(np.round(deck.points[row], 9).tolist())
+def changed_supports(
+    after: ModelDeck, before: ModelDeck
+) -> tuple[dict[int, tuple[str, ...]], dict[int, tuple[str, ...]]]:
+    """Return the new supports of nodes by rows, and by number the directions that are no longer fixed."""
+
+    def key(deck: ModelDeck, row: int) -> object:
+        return row if deck.nodes[row] else tuple(np.round(deck.points[row], 9).tolist())
+
+    def more(deck: ModelDeck, than: ModelDeck) -> dict[int, tuple[str, ...]]:
+        known = {key(than, n): fixed for n, fixed in than.supports.items()}
+        each = {
+            n: tuple(d for d in fixed if d not in known.get(key(deck, n), ()))
+            for n, fixed in deck.supports.items()
+        }
+        return {n: some for n, some in each.items() if some}
+
+    return more(after, before), {int(before.nodes[n]): some for n, some in more(before, after).items()}
 
 
 def _numbered(deck: ModelDeck, needed: set[int], n: int) -> ModelDeck:
@@ -669,17 +671,17 @@ def _materials(
 # Items ------------------------------------------------------------------------------------------------------
 
 
-def _items(after: ModelDeck, before: ModelDeck) -> tuple[list[Any], dict[str, tuple[Any, ...]]]:
+def changed_items(after: ModelDeck, before: ModelDeck) -> tuple[list[Any], dict[str, tuple[Any, ...]]]:
     """Return the items that the model does not have any longer, and its new ones."""
     removed: list[Any] = []
     new: dict[str, tuple[Any, ...]] = {}
     for key in ITEMS:
         old: dict[tuple[Any, ...], list[Any]] = defaultdict(list)
         for x in getattr(before, key):
-            old[tuple(nodes_of(x))].append(x)
+            old[_where(x)].append(x)
         more = []
         for x in getattr(after, key):
-            candidates = old[tuple(nodes_of(x))]
+            candidates = old[_where(x)]
             same = next((y for y in candidates if _same_item(x, y)), None)
             if same is None:
                 more.append(x)
@@ -688,6 +690,12 @@ def _items(after: ModelDeck, before: ModelDeck) -> tuple[list[Any], dict[str, tu
         new[key] = tuple(more)
         removed += [x for rest in old.values() for x in rest]
     return removed, new
+
+
+def _where(item: Any) -> tuple[Any, ...]:
+    """Return the rows of an item's nodes, and the place at which it acts where that is given."""
+    place = getattr(item, "place", None)
+    return *nodes_of(item), *(() if place is None else np.round(place, 9).tolist())
 
 
 def _same_item(a: Any, b: Any) -> bool:
