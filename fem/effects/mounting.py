@@ -37,6 +37,14 @@ def shifts(lower: float, upper: float) -> tuple[dict[str, float], ...]:
     return tuple({"amount": a} for a in amounts if lower < a < upper)
 
 
+def within_reach(model: Model, member: str, at: float) -> dict[str, Any]:
+    """Return the fields of a shift along a member from an arc length [m]: none yet, within its bounds."""
+    length = model.mesh.member_length(member)
+    reach = REACH * length
+    bounds = {"lower": -min(at, reach), "upper": min(length - at, reach)}
+    return {"member": member, "at": at, "amount": 0.0, **bounds}
+
+
 def members_at(model: Model) -> dict[int, list[tuple[str, float]]]:
     """Return members and arc lengths [m] at each point of the mesh."""
     mesh = model.mesh
@@ -164,18 +172,6 @@ class AlongMember(OnSide):
             if is_foot(joint) != cls.of_feet or (len(here) > 1 and not cls.of_feet):
                 continue
             for member, at in here:
-                length = model.mesh.member_length(member)
-                reach = REACH * length
-                out.append(
-                    cls(
-                        name=f"{cls.kind}:{joint.name}.{member}",
-                        joint=joint.name,
-                        side=side,
-                        member=member,
-                        at=at,
-                        amount=0.0,
-                        lower=-min(at, reach),
-                        upper=min(length - at, reach),
-                    )
-                )
+                name, shift = f"{cls.kind}:{joint.name}.{member}", within_reach(model, member, at)
+                out.append(cls(name=name, joint=joint.name, side=side, **shift))
         return tuple(out)

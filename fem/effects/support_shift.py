@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from fem.array_types import Floats
 from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.giving_way import cut_parameters, place_at
-from fem.effects.mounting import REACH, members_at, shifts
+from fem.effects.mounting import members_at, shifts, within_reach
 from fem.effects.places import elements_of, frame_of
 from fem.effects.support import Support
 from fem.elements.frame import Frame
@@ -98,17 +98,6 @@ class SupportShift(Effect):
                 p = frame_of(model).members[member]
                 if p.release1 or p.release2 or p.spring1 or p.spring2:
                     continue  # a hinge would leave the point of the mesh without stiffness
-                length = model.mesh.member_length(member)
-                reach = REACH * length
-                out.append(
-                    cls(
-                        name=f"support_shift:{support.name}",
-                        support=support.name,
-                        member=member,
-                        at=at,
-                        amount=0.0,
-                        lower=-min(at, reach),
-                        upper=min(length - at, reach),
-                    )
-                )
+                shift = within_reach(model, member, at)
+                out.append(cls(name=f"support_shift:{support.name}", support=support.name, **shift))
         return tuple(out)
