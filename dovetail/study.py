@@ -22,6 +22,7 @@ from dovetail.disk.output import Output, check_outputs
 from dovetail.file import config
 from dovetail.file.contents import has_modes_alone
 from dovetail.file.effects import candidate_named, candidates_of, with_given_values
+from dovetail.file.estimates import FittedEstimate, merged
 from dovetail.file.faults import as_mounted
 from dovetail.file.paths import input_files
 from dovetail.file.settings import N_BANDS
@@ -444,6 +445,7 @@ class Study(config.StudyContents):
             If there is no such candidate or parameter, a value is beyond its bounds, values are given for
             several effects, or the model has an effect of the same name.
         """
+        from dovetail.found import effect_estimates
         from updating.diagnosis.findings import Finding
 
         if values and len(effects) != 1:
@@ -451,15 +453,24 @@ class Study(config.StudyContents):
             raise ModelError(msg)
         base = self.model.without_effect(*(e.name for e in self.added))
         new = []
+        estimates: dict[str, FittedEstimate] = {}
         for one in effects:
             if isinstance(one, str):
                 one = candidate_named(one, base, self.sensors, self.excitations)
+            if isinstance(one, Finding) and not values:
+                estimates |= effect_estimates(one.effect.name, one.parameters)
             new.append(with_given_values(one.effect if isinstance(one, Finding) else one, values))
         model = self.model
         for effect in new:
             model = effect.added_to(model)
         came = tuple(e.name for e in new) if self.has_baseline else ()
-        return replace(self, model=model, added=(*self.added, *new), changes=(*self.changes, *came))
+        return replace(
+            self,
+            model=model,
+            added=(*self.added, *new),
+            changes=(*self.changes, *came),
+            estimates={**self.estimates, **estimates},
+        )
 
     def fit(self, *, faults: bool = False) -> Study:
         """Return the study with its uncertain parameters, its damping and the added effects fitted.
@@ -479,6 +490,7 @@ class Study(config.StudyContents):
         StudyError
             If the study has no measurement.
         """
+        from dovetail.found import fit_estimates
         from dovetail.modes_pipeline import mode_problem_and_model
         from dovetail.pipeline import formed_problem_and_model
         from updating.diagnosis.begin import calibrated
@@ -506,6 +518,7 @@ class Study(config.StudyContents):
             model = with_fitted_damping(problem, result, model)
         added = tuple(model.effect(e.name) for e in effects)
         more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}
+        more["estimates"] = merged(self.estimates, fit_estimates(problem, result, model))
         test = problem.test_of(result)
         if test is not None:
             for key in ("measurements", "amplitudes"):

@@ -25,6 +25,7 @@ from dovetail.file.connections import (
 from dovetail.file.contents import SourceDeck, StudyContents
 from dovetail.file.conventions import check_phase
 from dovetail.file.effects import candidates_of, known_candidates, read_changes, read_effects, read_values
+from dovetail.file.estimates import read_estimates
 from dovetail.file.faults import as_mounted, read_faults
 from dovetail.file.fit_table import read_fit
 from dovetail.file.geometry import (
@@ -122,6 +123,7 @@ TABLES = (
     "initial",
     "effects",
     "fitted_form",
+    "estimates",
     "damping",
     "sensors",
     "excitations",
@@ -478,6 +480,7 @@ class _Reader:
             changes=read_changes(top),
             states=self._states(self._modal_test(raw, sensors, excitations)),
             source=self._source(),
+            estimates=read_estimates(top),
         )
 
     def _modal_test(
