@@ -154,7 +154,7 @@ def mode_found_text(study: StudyContents, d: ModeDiagnosis, folder: Path) -> str
     forms = [e for e in d.model.effects if e.is_form and e.name not in known]
     two = d.baseline is not None
     common = [uncommon(e) for e in d.baseline.fitted.effects] if d.baseline is not None else []
-    damped = np.isfinite(d.problem.targets.zeta).any()
+    damped = d.problem.data.has_damping
     return text_with_model(
         _headed(study),
         folder,

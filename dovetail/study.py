@@ -2,7 +2,7 @@
 
 study = load_study("study.toml")
 found = study.diagnose()
-better = study.add(*found.findings).fit()
+better = found.study
 print(study.compare().total_db, better.compare().total_db)
 better.save("better.toml")
 """
@@ -10,7 +10,7 @@ better.save("better.toml")
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -55,8 +55,11 @@ if TYPE_CHECKING:
     from dovetail.notebook.planned import Planned
     from dovetail.pipeline import Progress
     from dovetail.result import RunResult
+    from updating.diagnosis.diagnosis import Diagnosis
     from updating.diagnosis.findings import Finding
+    from updating.diagnosis.mode_diagnosis import ModeDiagnosis
     from updating.inference.fit_result import FitResult
+    from updating.inference.problem import Problem
     from updating.measurement.measurement import Measurement, Sensor
     from updating.quality.corrections import Fault
 
@@ -354,7 +357,7 @@ class Study(config.StudyContents):
             message = f"budget is one of {', '.join(BUDGETS)}, not {budget!r}"
             raise StudyError(message)
         found = diagnose_any(self, progress, processes, budget)
-        return StudyDiagnosis.of(found) if by_frfs(found) else StudyModeDiagnosis.of(found)
+        return StudyDiagnosis.of(found, self) if by_frfs(found) else StudyModeDiagnosis.of(found, self)
 
     def plan(
         self,
@@ -494,12 +497,10 @@ class Study(config.StudyContents):
         from dovetail.modes_pipeline import mode_problem_and_model
         from dovetail.pipeline import formed_problem_and_model
         from updating.diagnosis.begin import calibrated
-        from updating.inference.fitted_damping import with_fitted_damping
         from updating.inference.fitting import fit_given
         from updating.inference.preparation import fitted_model
-        from updating.quality.corrections import set_right
 
-        start = self.start or self.model.without_effect(*(e.name for e in self.added))
+        start = self._unfitted
         effects = tuple(self._on(start, self.model.effect(e.name)) for e in self.added)
         names = {e.name for e in self.added}
         base = replace(self, model=start, changes=tuple(n for n in self.changes if n not in names))
@@ -507,29 +508,70 @@ class Study(config.StudyContents):
         if has_modes_alone(self):
             problem, before = mode_problem_and_model(base)
             problem, result = fit_given(problem, effects)
-            damped = bool(np.isfinite(problem.targets.zeta).any())
         else:
             problem, before = formed_problem_and_model(base)
             problem, _, found = calibrated(problem, checked=faults)
             problem, result = fit_given(problem, effects)
-            result, damped = problem.assessed(result), True
+            result = problem.assessed(result)
         model = fitted_model(before, result)
-        if damped:
+        estimates = fit_estimates(problem, result, model)
+        return self._fitted_to(problem, result, model, [e.name for e in effects], found, estimates)
+
+    @property
+    def _unfitted(self) -> Model:
+        """The model before any fit, without what was added."""
+        return self.start or self.model.without_effect(*(e.name for e in self.added))
+
+    def _fitted_to(
+        self,
+        problem: Problem[Any],
+        result: FitResult,
+        model: Model,
+        added: Sequence[str],
+        faults: Sequence[Fault],
+        estimates: Mapping[str, FittedEstimate],
+    ) -> Study:
+        """Return the study with a fitted model, some of whose effects were added to the study's."""
+        from updating.inference.fitted_damping import with_fitted_damping
+        from updating.quality.corrections import set_right
+
+        if problem.data.has_damping:
             model = with_fitted_damping(problem, result, model)
-        added = tuple(model.effect(e.name) for e in effects)
-        more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}
-        more["estimates"] = merged(self.estimates, fit_estimates(problem, result, model))
+        more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *faults)}
+        more["estimates"] = merged(self.estimates, estimates)
         test = problem.test_of(result)
         if test is not None:
             for key in ("measurements", "amplitudes"):
                 more[key] = tuple(
                     replace(m, viscous=test.viscous, errors=test.errors) for m in getattr(self, key)
                 )
-        if found:
-            more["measurements"] = tuple(set_right(m, found) for m in more["measurements"])
-            more["sensors"] = as_mounted(self.sensors, "sensor", found)
-            more["excitations"] = as_mounted(self.excitations, "excitation", found)
-        return replace(self, model=model, added=added, start=start, **more)
+        if faults:
+            more["measurements"] = tuple(set_right(m, faults) for m in more["measurements"])
+            more["sensors"] = as_mounted(self.sensors, "sensor", faults)
+            more["excitations"] = as_mounted(self.excitations, "excitation", faults)
+        effects = tuple(model.effect(name) for name in added)
+        return replace(self, model=model, added=effects, start=self._unfitted, **more)
+
+    def with_found(self, found: Diagnosis | ModeDiagnosis) -> Study:
+        """Return the study with the fitted values, effects and faults of a diagnosis of it.
+
+        It is what ``found.toml`` of a report has.
+
+        Parameters
+        ----------
+        found : Diagnosis or ModeDiagnosis
+            As :meth:`diagnose` and :func:`updating.diagnose` return it.
+        """
+        from dovetail.found import estimates_in
+        from dovetail.result import by_modes_alone, uncertain_parameters
+
+        result = found.final.fitted if by_modes_alone(found) else found.steps[-1].result
+        names = [e.name for e in found.found]
+        changes = (*self.changes, *names) if self.has_baseline else self.changes
+        estimates = estimates_in(found, uncertain_parameters(found))
+        added = [*(e.name for e in self.added), *names]
+        study = replace(self, changes=changes)
+        return study._fitted_to(found.problem, result, found.model, added, found.faults, estimates)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the study file with the values and effects of this model.
@@ -560,7 +602,8 @@ class Study(config.StudyContents):
             before, now = self.start.values(), self.model.values()
             values = {ref: now[ref] for ref, value in before.items() if ref in now and now[ref] != value}
             values |= rebased_values(self.model, self.start.effects)
-            damping = self.model.damping, _connections_of(self.model)
+            if self.model.damping is not self.start.damping:
+                damping = self.model.damping, _connections_of(self.model)
         known = {e.name for e in (*(self.start or self.model).effects, *self.added)}
         forms = [e for e in self.model.effects if e.is_form and e.name not in known]
         changes = [e.rebased(self.model) for e in self.added if e.name in self.changes]
@@ -601,7 +644,8 @@ class Study(config.StudyContents):
     ) -> RunResult[Any]:
         """Compare, diagnose and locate, and write the report into a folder; see :func:`pipeline.run`.
 
-        By FRFs; by measured modes where the study has nothing else.
+        By FRFs; by measured modes where the study has nothing else. A diagnosis at hand writes the same by
+        ``found.report("out")``.
         """
         from dovetail.pipeline import run
 
