@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -85,6 +85,9 @@ class Study(config.StudyContents):
     start: Model | None = None
     fitted: FitResult | None = None
     faults: tuple[Fault, ...] = ()
+    _compared: dict[int, Any] = field(
+        default_factory=dict, init=False
+    )  # by n_bands; replace drops it
 
     @classmethod
     def from_model(
@@ -262,7 +265,7 @@ class Study(config.StudyContents):
     def compare(self, n_bands: int = N_BANDS) -> StudyComparison | StudyModeComparison:
         """Return how far the model's FRFs are from the first measurement's, on all lines.
 
-        By measured modes where the study has nothing else.
+        By measured modes where the study has nothing else. It is computed once for a study.
 
         Parameters
         ----------
@@ -274,20 +277,26 @@ class Study(config.StudyContents):
         StudyError
             If the study has no measurement.
         """
+        return self._modes_compared() if has_modes_alone(self) else self._frfs_compared(n_bands)
+
+    def _modes_compared(self) -> StudyModeComparison:
         from dovetail.modes_pipeline import mode_problem
         from dovetail.notebook.modes import StudyModeComparison
 
-        if has_modes_alone(self):
-            by_modes = mode_problem(self)
-            return StudyModeComparison.of(by_modes, by_modes.nominal(), self.name, self.label)
-        return self._frfs_compared(n_bands)
+        if 0 not in self._compared:
+            problem = mode_problem(self)
+            self._compared[0] = StudyModeComparison.of(problem, problem.nominal(), self.name, self.label)
+        return self._compared[0]
 
     def _frfs_compared(self, n_bands: int = N_BANDS) -> StudyComparison:
         from dovetail.notebook.comparison import StudyComparison
         from dovetail.pipeline import fit_problem
 
-        problem = fit_problem(self)
-        return StudyComparison.of(problem, problem.nominal(), n_bands, self.name, self.label)
+        if n_bands not in self._compared:
+            problem = fit_problem(self)
+            comparison = StudyComparison.of(problem, problem.nominal(), n_bands, self.name, self.label)
+            self._compared[n_bands] = comparison
+        return self._compared[n_bands]
 
     def error(self) -> Misfit:
         """Return the error of the amplitude on the lines of the fit, those held out, and all [dB].

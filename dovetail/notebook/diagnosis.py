@@ -31,7 +31,8 @@ class Tables:
     def of(cls: type[V], found: Verdict, study: "Study") -> V:  # pyright: ignore[reportGeneralTypeIssues]
         """Return a diagnosis of a study with tables."""
         values: dict[str, Any] = {f.name: getattr(found, f.name) for f in fields(found)}
-        return cls(**values | {"diagnosed": study})
+        values["diagnosed"] = study
+        return cls(**values)
 
     @property
     def study(self: "StudyVerdict") -> "Study":  # pyright: ignore[reportGeneralTypeIssues]

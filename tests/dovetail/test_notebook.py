@@ -77,6 +77,19 @@ def test_objects_that_people_meet_print_one_short_line(study, comparison, found,
     assert too_long == {}
 
 
+def test_a_comparison_is_computed_once_for_a_study(study, comparison, monkeypatch):
+    calls = []
+    monkeypatch.setattr("dovetail.pipeline.fit_problem", lambda one: calls.append(one) or fit_problem(one))
+    assert study.compare() is comparison
+    assert study.error() == comparison.misfit
+    assert not calls
+    other = study.add("point_mass:arm", mass=0.1)
+    assert other.error() != comparison.misfit
+    assert other.error() == other.compare().misfit
+    assert calls == [other]
+    assert len(other.compare(4).bands) != len(other.compare().bands)
+
+
 def test_the_study_of_a_diagnosis_is_that_of_its_report(study, found, bent, tmp_path):
     better = found.study
     last = found.steps[-1]
