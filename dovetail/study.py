@@ -85,9 +85,7 @@ class Study(config.StudyContents):
     start: Model | None = None
     fitted: FitResult | None = None
     faults: tuple[Fault, ...] = ()
-    _compared: dict[int, Any] = field(
-        default_factory=dict, init=False
-    )  # by n_bands; replace drops it
+    _compared: dict[int, Any] = field(default_factory=dict, init=False)  # by n_bands; replace drops it
 
     @classmethod
     def from_model(
@@ -374,6 +372,10 @@ class Study(config.StudyContents):
         left_db: float | None = None,
         progress: Progress | None = None,
         kinds: Sequence[str] | str | None = None,
+        *,
+        add: int | None = None,
+        choose: int | None = None,
+        excitations: int | None = None,
     ) -> Planned:
         """Return which missing effects the study's test could see and name, planned or measured.
 
@@ -389,19 +391,27 @@ class Study(config.StudyContents):
             Called with a text and the fraction done; an exception from it ends the work.
         kinds : str or sequence of str, optional
             Kinds of effect, such as ``"point_mass"``; those of the study unless given.
+        add : int, optional
+            Number of sensors that are added to the study's where they name most.
+        choose : int, optional
+            Number of sensors that are chosen in place of them.
+        excitations : int, optional
+            Number of forces that are chosen with ``choose``; those of the study unless given.
 
         Raises
         ------
         StudyError
-            If the study has no sensors or no excitations.
+            If the study has no sensors or no excitations, both ``add`` and ``choose`` are given, or there
+            are fewer places.
         ModelError
             For a kind that does not exist.
         """
         from dovetail.notebook.planned import Planned
-        from dovetail.plan import plan_study
+        from dovetail.plan import plan_study, with_chosen
 
         study = self if kinds is None else self._of_kinds(kinds)
-        return Planned(plan_study(study, noise, left_db, progress))
+        test, chosen = with_chosen(study, add, choose, excitations, noise, left_db, progress)
+        return Planned(plan_study(test, noise, left_db, progress), chosen)
 
     def _of_kinds(self, kinds: Sequence[str] | str) -> Study:
         """Return the study with candidates of some kinds alone."""
