@@ -78,6 +78,7 @@ from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable,
 from dovetail.file.uncertain import mode_std, read_uncertain, with_shear
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
+from fem.checks import with_ties_known
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
@@ -653,7 +654,7 @@ class _Reader:
             model = read_rotation(top, read_values(top, with_shear(top, model)), notes)
             refuse_space(top, model)
             model.contributions()  # finds values that no matrix can be made of
-        return model
+        return with_ties_known(model)
 
     def _measured(
         self,

@@ -14,6 +14,7 @@ import numpy as np
 
 from dovetail.file.toml import CONVERTED_DIGITS, rounded, toml_comment, toml_key, toml_table, toml_value
 from dovetail.file.uncertain import assumed_tables
+from fem.checks import with_ties_known
 from fem.effects.added_mass import AddedMass
 from fem.effects.distributed_mass import DistributedMass
 from fem.effects.joint import Joint
@@ -149,7 +150,7 @@ def _units(units: str | Sequence[float]) -> str | list[float]:
 
 
 def _of_deck(deck: FrameDeck, units: DeckUnits) -> Structure:
-    model = model_of(deck)
+    model = with_ties_known(model_of(deck))
     mesh = model.mesh
     check_names([*mesh.members, *mesh.groups], deck.file)
     counts = [

@@ -16,7 +16,6 @@ from updating.diagnosis.verdict import Verdict
 if TYPE_CHECKING:
     from dovetail.pipeline import Progress
     from dovetail.result import RunResult
-    from dovetail.study import Study
 
 StudyVerdict: TypeAlias = "StudyDiagnosis | StudyModeDiagnosis"
 V = TypeVar("V", bound=Verdict)
@@ -28,14 +27,14 @@ class Tables:
     __slots__ = ()
 
     @classmethod
-    def of(cls: type[V], found: Verdict, study: "Study") -> V:  # pyright: ignore[reportGeneralTypeIssues]
+    def of(cls: type[V], found: Verdict, study: Any) -> V:  # pyright: ignore[reportGeneralTypeIssues]
         """Return a diagnosis of a study with tables."""
         values: dict[str, Any] = {f.name: getattr(found, f.name) for f in fields(found)}
         values["diagnosed"] = study
         return cls(**values)
 
     @property
-    def study(self: "StudyVerdict") -> "Study":  # pyright: ignore[reportGeneralTypeIssues]
+    def study(self: "StudyVerdict") -> Any:  # pyright: ignore[reportGeneralTypeIssues]
         """The study with what was found: fitted values, effects, and corrected faults of the measurement."""
         return self.diagnosed.with_found(self)
 
@@ -88,7 +87,7 @@ class StudyModeDiagnosis(Tables, mode_diagnosis.ModeDiagnosis):
     diagnosed : Study
     """
 
-    diagnosed: "Study" = field(kw_only=True)
+    diagnosed: Any = field(kw_only=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -100,7 +99,7 @@ class StudyDiagnosis(Tables, diagnose.Diagnosis):
     diagnosed : Study
     """
 
-    diagnosed: "Study" = field(kw_only=True)
+    diagnosed: Any = field(kw_only=True)
 
     def plot_ranking(self, round_: int = 1) -> Any:
         """Return an interactive plotly figure of the error with each candidate of a round [dB].
