@@ -206,7 +206,7 @@ def test_a_structure_without_supports_is_noted_and_is_no_fault(tmp_path, capsys,
 
 @pytest.mark.parametrize("springs", ["CBUSH,5,5,2,3,,,,0", ""])
 def test_points_that_springs_join_are_no_fault(tmp_path, capsys, springs):
-    """Two springs between grid points at one place: the note on such points is for those that nothing joins."""
+    """Two springs between grid points at one place: only points that nothing joins are noted."""
     cards = (
         "SOL 103",
         "CEND",
