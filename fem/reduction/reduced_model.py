@@ -496,9 +496,12 @@ class ReducedModel:
         step = {parameter: value + 1j * STEP}
         return self._of(effect, model.parts_of(effect.with_values(**step)), True)
 
-    def slope_in(self, effect: Effect, stepped: Model) -> ReducedTerm:
-        """Project an effect's derivative by a parameter that has a complex step in a model."""
-        return self._of(effect, stepped.parts_of(effect), True)
+    def slopes_in(
+        self, effect: Effect, model: Model, stepped: Mapping[ParameterRef, Model]
+    ) -> list[ReducedTerm]:
+        """Project derivatives by parameters of others, each with a complex step in a model."""
+        steps = effect.steps_by_others(model, stepped)
+        return [self._of(effect, model.resisted(each), True) for each in steps]
 
     def with_values(self, model: Model, values: Mapping[ParameterRef, float]) -> Model:
         """Return a model of the same effects, or of more, with values that differ from its present ones.
