@@ -11,6 +11,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef
+from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import Lacking, ReducedModel
 from fem.reduction.terms import ReducedTerm
@@ -164,7 +165,9 @@ class ParametricModes:
         self.engine = ParametricFRF(
             reduced, outputs, outputs[:, :0], frequency, refs, candidates, release, projected=True
         )
-        self._last: tuple[bytes, list[ReducedTerm]] | None = None
+        # Modes and slopes are asked for one after the other, by fits that weight readings differently too.
+        self._last = Recent(1)
+        self._terms = Recent(1)
 
     def at(self, values: Floats, zeta: Floats) -> "ModesAt":
         """Return the modes at some values.
@@ -175,18 +178,23 @@ class ParametricModes:
         zeta : ndarray (n,) or (2, n)
             Damping ratio at each frequency, and that of connections if it is another [-].
         """
-        engine, values = self.engine, np.asarray(values, dtype=float)
+        values = np.asarray(values, dtype=float)
+        key = values.tobytes(), zeta.tobytes()
+        out: ModesAt = self._last.get(key, lambda: self._at(values, np.atleast_2d(zeta)))
+        return out
+
+    def _at(self, values: Floats, zeta: Floats) -> "ModesAt":
+        engine = self.engine
         total, alone = engine.matrices(values)
-        self._last = values.tobytes(), alone
+        self._terms.put(values.tobytes(), alone)
         columns = np.eye(engine.reduced.basis.T.shape[1])[:, engine.active]
-        at = ModesAt(engine.reduced, engine.omega, np.atleast_2d(zeta), total, engine.outputs, columns)
+        at = ModesAt(engine.reduced, engine.omega, zeta, total, engine.outputs, columns)
         return at if self._constant is None else at.with_term(self._constant)
 
     def slopes(self, values: Floats) -> list[tuple[int, ReducedTerm]]:
         """Return the derivatives of the matrices by parameters, with these."""
         values = np.asarray(values, dtype=float)
-        known = self._last is not None and self._last[0] == values.tobytes()
-        alone = self._last[1] if known and self._last else self.engine.matrices(values)[1]
+        alone = self._terms.get(values.tobytes(), lambda: self.engine.matrices(values)[1])
         return self.engine.slopes(values, alone)
 
 
@@ -367,17 +375,17 @@ class ModesAt:
         for p, term in terms:
             key = id(term.L) if term.L is None or term.dofs is None else term.dofs.tobytes()
             _, parts = places.setdefault(key, (term.L, []))
-            parts += [(p, factor[at], X) for factor, X in term.parts(factors, omega)]
+            parts += [(p, factor, X) for factor, X in term.parts(factors, omega)]
         for L, parts in places.values():
             if not parts:
                 continue
             u = x if L is None else L @ x
-            rows, which = np.unique([p for p, _, _ in parts], return_inverse=True)
-            forces = np.zeros((len(rows), *u.shape), dtype=complex)
             # one product each for large matrices: to stack them would cost more
-            each = [X @ u for _, _, X in parts] if L is None else np.stack([X for _, _, X in parts]) @ u
-            for k, (_, size, _), force in zip(which, parts, each, strict=True):
-                forces[k] += size * force
+            each = np.array([X @ u for *_, X in parts]) if L is None else np.array([X for *_, X in parts]) @ u
+            each = each * np.array([factor for _, factor, _ in parts])[:, None, at]
+            order = np.argsort([p for p, _, _ in parts], kind="stable")
+            rows, first = np.unique([parts[k][0] for k in order], return_index=True)
+            forces = np.add.reduceat(each[order], first, axis=0)
             by[rows] += (u * forces).sum(axis=1)
             if not self.outputs.shape[1]:
                 continue
