@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Complexes, Floats, Ints
 from fem.declarations import Site
 from fem.effects.places import reaches, sheared_frame
 from fem.effects.section_form import CHANGES, SectionForm
@@ -67,10 +68,10 @@ class OnStretches(WithFrame):
         """Return the changes of the members' sections: stretches are stiffer than members with these."""
         return tuple(ref for ref, *_ in self.section_changes(model))
 
-    def section_changes(self, model: Model) -> list[tuple[ParameterRef, NDArray[np.int64], int]]:
+    def section_changes(self, model: Model) -> list[tuple[ParameterRef, Ints, int]]:
         """Return changes of the members' sections, the elements that have them, and numbers of ``KEYS``."""
 
-        def made() -> list[tuple[ParameterRef, NDArray[np.int64], int]]:
+        def made() -> list[tuple[ParameterRef, Ints, int]]:
             forms = [e for e in model.of_kind(SectionForm) if any(m in e.members for m, *_ in self.zones)]
             members = self.stretches_on(model).members if forms else ()
             return [
@@ -80,7 +81,7 @@ class OnStretches(WithFrame):
                 if key in KEYS
             ]
 
-        out: list[tuple[ParameterRef, NDArray[np.int64], int]] = self.stretches.get((self.frame, model), made)
+        out: list[tuple[ParameterRef, Ints, int]] = self.stretches.get((self.frame, model), made)
         return out
 
     def stretches_on(self, model: Model) -> Stretches:
@@ -123,7 +124,7 @@ class OnStretches(WithFrame):
         """Return tables of the stiffness for u, and the change of it in a plane, between two values."""
         stretches = self.stretches_on(model)
 
-        def gains(u: float, plane: float) -> NDArray[np.float64]:
+        def gains(u: float, plane: float) -> Floats:
             here = kept(u, plane)
             return np.concatenate([stretches.gain(here)[None], stretches.gain_slopes(here)])
 
@@ -142,7 +143,7 @@ class OnStretches(WithFrame):
         """Return the effect that adds the same matrices, on a frame with the model's present moduli."""
         return replace(self, frame=sheared_frame(model))._as_before(self, model)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return where the stretches begin, (n, 3) [m]."""
         mesh = model.mesh
         return np.array([mesh.point_at(mesh.locate(m, s)) for m, s, _, _ in self.zones])
@@ -164,7 +165,7 @@ class OnStretches(WithFrame):
         return self.with_values(**values)
 
 
-def _added(effect: Effect, model: Model) -> NDArray[np.complex128] | NDArray[np.float64]:
+def _added(effect: Effect, model: Model) -> Complexes | Floats:
     """Return the entries of K and M that an effect adds."""
     parts = effect.contribute(model)
     return np.concatenate([X.ravel() for c in parts for X in (c.K, c.M) if X is not None])
