@@ -7,7 +7,7 @@ opposes.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from fem.analysis.modes import MechanismError, solve_modes
 from fem.array_types import Bools, Floats, Ints
 from fem.elements.frame import Frame
+from fem.io.rawmesh import coincidences
 from fem.mesh import Mesh, merge_advice, merge_names
 from fem.model import Model, ModelError
 from fem.plausibility import suspicions
@@ -80,6 +81,22 @@ def check_model(model: Model, tolerance: float | None = None) -> tuple[Defect, .
         See :func:`check_mesh`.
     """
     return (*_of_structure(model, tolerance), *implausible(model))
+
+
+def with_ties_known(model: Model) -> Model:
+    """Return a model whose mesh has no note on points at one place that joints or other effects connect.
+
+    The reader of a mesh file knows of no effects, and notes all such points.
+    """
+    mesh = model.mesh
+    unaware = coincidences(mesh.points, mesh.lines) if mesh.notes else []
+    stale = {note: text for note in mesh.notes for text in unaware if note.endswith(text)}
+    if not stale:
+        return model
+    aware = coincidences(mesh.points, mesh.lines, np.vstack([_constrained(model), _coupled(model)]))
+    notes = [n for n in mesh.notes if n not in stale]
+    notes += [note.removesuffix(text) + other for note, text in stale.items() for other in aware]
+    return replace(model, mesh=replace(mesh, notes=tuple(notes)))
 
 
 def implausible(model: Model) -> tuple[Defect, ...]:

@@ -330,6 +330,21 @@ class Effect(ABC):
         """
         return ()
 
+    def steps_by_others(
+        self, model: "Model", stepped: "Mapping[ParameterRef, Model]"
+    ) -> "list[tuple[Contribution, ...]]":
+        """Return its contributions in models that differ by a complex step of a parameter of another effect.
+
+        Only their imaginary parts count.
+
+        Parameters
+        ----------
+        model : Model
+            Without a step.
+        stepped : mapping of (effect, parameter) to Model
+        """
+        return [tuple(self.contribute(there)) for there in stepped.values()]
+
     def constraints(self, model: "Model") -> tuple[Constraint, ...]:
         """Return the linear constraints that it imposes."""
         return ()
@@ -672,8 +687,12 @@ class Model:
 
     def parts_of(self, effect: Effect) -> tuple[Contribution, ...]:
         """Return the contributions of an effect; those that the ground holds are relative to its motion."""
+        return self.resisted(effect.contribute(self))
+
+    def resisted(self, contributions: Iterable[Contribution]) -> tuple[Contribution, ...]:
+        """Return contributions, those that the ground holds relative to its motion."""
         ground = self.ground
-        return tuple(c if ground is None else ground.resisted(c) for c in effect.contribute(self))
+        return tuple(c if ground is None else ground.resisted(c) for c in contributions)
 
     def batches(self) -> Iterator[Contribution]:
         """Return the contributions of all effects in parts that need little memory at a time."""

@@ -21,6 +21,8 @@ KEYS = tuple(key for key in CHANGES if key != "A")
 """Changes of sections that stiffness follows."""
 _MESHES = 4
 """Number of frames and meshes, and of models, whose tables an effect keeps."""
+_GAINS = 8
+"""Number of parts of flexibility for which an effect keeps what its stretches gain."""
 ITERATIONS = 6
 """Steps of Gauss and Newton: each takes about the square of the relative change of the moduli off."""
 
@@ -37,9 +39,9 @@ class OnStretches(WithFrame):
         In words.
     around : str
         Name of the joint or support there; empty for a corner.
-    tables, stretches : Unsent
-        Tables of its matrices and the flexibility of its stretches, by frame and mesh; effects with other
-        values share them.
+    tables, stretches, gains : Unsent
+        Tables of its matrices and the flexibility of its stretches, by frame and mesh, and what these gain;
+        effects with other values share them.
     """
 
     gives_way: ClassVar[bool] = True
@@ -48,6 +50,7 @@ class OnStretches(WithFrame):
     around: str = ""
     tables: Unsent = field(default_factory=lambda: Unsent(_MESHES), repr=False)
     stretches: Unsent = field(default_factory=lambda: Unsent(_MESHES), repr=False)
+    gains: Unsent = field(default_factory=lambda: Unsent(_GAINS), repr=False)
 
     @property
     def where(self) -> Site:
@@ -92,15 +95,17 @@ class OnStretches(WithFrame):
 
     def stiffer(self, model: Model, kept: ArrayLike) -> Contribution:
         """Return what the elements gain of stretches that keep a part of their flexibility."""
-        stretches = self.stretches_on(model)
-        K = stretches.gain(kept)
+        stretches, parts = self.stretches_on(model), np.asarray(kept)
+        # steps of many parameters leave the parts as they are
+        at = self.frame, model.mesh, parts.dtype, parts.tobytes()
+        K = self.gains.get((*at, "gain"), lambda: stretches.gain(parts))
         changes = [
             (lines, k, value)
             for (name, key), lines, k in self.section_changes(model)
             if (value := getattr(model.effect(name), key)) != 0
         ]
         if changes:
-            slopes = stretches.gain_slopes(kept)
+            slopes = self.gains.get((*at, "slopes"), lambda: stretches.gain_slopes(parts))
             K = K.astype(np.result_type(K, slopes, *(value for *_, value in changes)))
             for lines, k, value in changes:
                 K[lines] += value * slopes[k][lines]

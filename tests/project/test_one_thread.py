@@ -61,9 +61,11 @@ def test_a_function_begins_with_one_thread(function):
     with threadpool_limits(2, "blas"):
         if 1 in threads().values():
             pytest.skip("BLAS has one thread on this machine")
+        before = threads()
         with one_thread():
             expected = threads()  # a BLAS that another program has loaded keeps its number
         assert 1 in expected.values()
         with pytest.raises(ReadError) as read:
             function(*positional, **by_name)
+        assert threads() == before
     assert read.value.args == (expected,)

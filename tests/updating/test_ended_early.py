@@ -3,7 +3,6 @@
 import pickle
 
 import pytest
-from threadpoolctl import threadpool_info, threadpool_limits
 
 from tests.updating.test_evidence_modes import E, cantilever, measured, with_mass
 from updating import diagnose_modes
@@ -48,21 +47,6 @@ def test_a_diagnosis_with_a_progress_function_pickles():
     again = pickle.loads(pickle.dumps(found))
     assert repr(again) == repr(found)
     assert again.searched.evidence == found.searched.evidence
-
-
-def test_a_diagnosis_keeps_blas_to_one_thread():
-    def threads():
-        return {lib["num_threads"] for lib in threadpool_info() if lib["user_api"] == "blas"}
-
-    seen = set()
-    with threadpool_limits(2, "blas"):
-        if 1 in threads():
-            pytest.skip("BLAS has one thread on this machine")
-        model = cantilever()
-        targets = measured(model, shapes=False)
-        diagnose_modes(model, targets, (E,), kinds=[], progress=lambda *_: seen.update(threads()))
-        assert threads() == {2}
-    assert seen == {1}
 
 
 def test_before_anything_is_found_the_places_are_known():

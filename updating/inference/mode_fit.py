@@ -428,8 +428,8 @@ class ShapeResiduals:
 
         Golub and Pereyra, *SIAM J. Numer. Anal.* 10, 1973, (4.12).
         """
-        a, b, d = self.a, self.b, self._mixed(moved)
-        d = d if np.iscomplexobj(b) else np.real(d)
+        a, b = self.a, self.b
+        d = self._mixed(moved if np.iscomplexobj(b) else np.real(moved))
         size = _dot(a, a)[:, None, None]
         c = (_dot(a, b)[:, None] / size[:, 0])[:, None]
         e, a = (b - a * c[:, 0])[:, None], a[:, None]
