@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.elements.frame import Frame
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Constraint, Contribution, Law, Model, ModelError
@@ -45,7 +46,7 @@ class System:
     C: sp.csc_array
     D: sp.csc_array
     Q: sp.csr_array
-    rigid: NDArray[np.float64]
+    rigid: Floats
     model: Model
     laws: tuple[tuple[Law, sp.csc_array], ...] = ()
 
@@ -123,7 +124,7 @@ def assemble(model: Model, *, reciprocal: bool = True) -> System:
     return System(K, M, C, D, Q, _allowed(model, Q, constraints), model, on_q)
 
 
-def mass_forces(system: System, shapes: NDArray[np.float64]) -> NDArray[np.float64]:
+def mass_forces(system: System, shapes: Floats) -> Floats:
     """Return Mφ / φᵀMφ (n_dof, n) of motions φ (n_dof, n) that the constraints allow [1/m]."""
     forces = np.asarray(system.Q @ (system.M @ (system.Q.T @ shapes)))
     return forces / (shapes * forces).sum(axis=0)
@@ -226,7 +227,7 @@ def _scaled(part: Contribution, factor: Mapping[str, float]) -> Contribution:
     return replace(part, **{key: None if X is None else factor[key] * X for key, X in scaled.items()})
 
 
-def _dropped_dofs(Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.bool_]:
+def _dropped_dofs(Q: Any, constraints: Sequence[Constraint]) -> Bools:
     """Return the DOFs that Q leaves out, wholly or in part, though no constraint holds them, (n_dof,)."""
     idle = np.diff(Q.indptr) == 0
     if _selection(Q) is None:
@@ -236,7 +237,7 @@ def _dropped_dofs(Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.bool_
     return idle
 
 
-def law_change(law: Law, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+def law_change(law: Law, omega: Floats) -> Complexes:
     """Return storage(ω) - storage(0) + i loss(ω), shape (n,): the change of the static stiffness by a law."""
     storage, loss = law(omega)
     return storage - law(np.zeros(1))[0][0] + 1j * loss
@@ -284,7 +285,7 @@ def _without_idle_turns(model: Model, Q: Any, K: Any, M: Any) -> Any:
     return Q[:, np.argsort(_leading(Q), kind="stable")]
 
 
-def _idle(model: Model, Q: Any, empty: NDArray[np.int64]) -> NDArray[np.int64]:
+def _idle(model: Model, Q: Any, empty: Ints) -> Ints:
     """Return the coordinates without stiffness and mass: rotations where nothing but bars and cables meet.
 
     Rotations of points that stand for one node of a solid part are others; the rest is an error.
@@ -304,7 +305,7 @@ def _idle(model: Model, Q: Any, empty: NDArray[np.int64]) -> NDArray[np.int64]:
     return empty
 
 
-def rigid_motions(model: Model) -> NDArray[np.float64]:
+def rigid_motions(model: Model) -> Floats:
     """Return the six rigid-body motions about the mesh's centre, shape (n_dof, 6).
 
     Rotations are divided by the mesh's size, of one point by 1; internal coordinates of effects stay at rest,
@@ -325,8 +326,8 @@ def rigid_motions(model: Model) -> NDArray[np.float64]:
 
 
 def resistance(
-    contributions: Iterable[Contribution], motions: NDArray[np.float64], size: float, rounding: float
-) -> NDArray[np.float64]:
+    contributions: Iterable[Contribution], motions: Floats, size: float, rounding: float
+) -> Floats:
     """Return the forces, as rows (n_rows, n), with which elements oppose motions.
 
     The motions (n_dof, n) are those of a structure of a size [m]. The forces of an element are judged by
@@ -348,14 +349,14 @@ def resistance(
     return np.vstack(rows)
 
 
-def unopposed(rows: NDArray[np.float64], tolerance: float) -> NDArray[np.float64]:
+def unopposed(rows: Floats, tolerance: float) -> Floats:
     """Return the combinations (n, k) of motions that every row (n_rows, n) leaves below a tolerance."""
     n = rows.shape[1]
     _, s, Vt = np.linalg.svd(np.linalg.qr(np.vstack([rows, np.zeros((n, n))]), mode="r"))
     return Vt[s < tolerance].T
 
 
-def reproduced(model: Model, Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
+def reproduced(model: Model, Q: Any, constraints: Sequence[Constraint]) -> Floats:
     """Return the combinations (6, n) of rigid-body motions that meet the model's constraints.
 
     Rotations that nothing touches and that Q therefore leaves out do not count.
@@ -390,7 +391,7 @@ def held_by(model: Model) -> tuple[tuple[str, ...], int]:
     return tuple(dict.fromkeys(names)), unopposed(np.vstack(rows), 10 * _ROUNDING).shape[1]
 
 
-def _allowed(model: Model, Q: Any, constraints: Sequence[Constraint]) -> NDArray[np.float64]:
+def _allowed(model: Model, Q: Any, constraints: Sequence[Constraint]) -> Floats:
     """Return the rigid-body motions (n_free, n_rigid) that Q reproduces and that no element resists."""
     motions = rigid_motions(model) @ reproduced(model, Q, constraints)
     if not motions.shape[1]:
@@ -405,8 +406,8 @@ class _SparsityPattern:
 
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
-    diagonal: NDArray[np.int64]  # (n_points,): the block of a point with itself
-    other: NDArray[np.int64]  # (2, n_lines): those of a line's first point with its second, and back
+    diagonal: Ints  # (n_points,): the block of a point with itself
+    other: Ints  # (2, n_lines): those of a line's first point with its second, and back
     once: bool  # no two lines join the same two points
 
 
@@ -495,7 +496,7 @@ def _full_matrices(
 
 
 def _add_blocks(
-    blocks: dict[str, NDArray[Any]], pattern: _SparsityPattern, ends: NDArray[np.int64], part: Contribution
+    blocks: dict[str, NDArray[Any]], pattern: _SparsityPattern, ends: Ints, part: Contribution
 ) -> None:
     """Add element matrices (b, 12, 12) on lines with these ends (b, 2) to blocks (n_blocks, 36)."""
     points, row = np.unique(ends, return_inverse=True)
@@ -519,14 +520,14 @@ def _add_blocks(
         out[diagonal] += gather @ quarters[[0, 1], [0, 1]].transpose(1, 0, 2).reshape(-1, 36)
 
 
-def _selection(Q: Any) -> NDArray[np.int64] | None:
+def _selection(Q: Any) -> Ints | None:
     """Return the DOFs that Q takes as they are, in order; None if it combines some."""
     if Q.nnz != Q.shape[1] or not (Q.data == 1.0).all() or (np.diff(Q.indices) <= 0).any():
         return None
     return np.flatnonzero(np.diff(Q.indptr))
 
 
-def _on_q(X: Any, Q: Any, free: NDArray[np.int64] | None) -> sp.csc_array:
+def _on_q(X: Any, Q: Any, free: Ints | None) -> sp.csc_array:
     """Return QᵀXQ without entries that are zero."""
     if free is None:
         product = sp.csc_array(Q.T @ X @ Q)
@@ -602,7 +603,7 @@ def null_space(constraints: tuple[Constraint, ...], n_dof: int) -> sp.csr_array:
     return Q[:, np.argsort(_leading(Q), kind="stable")] if n_groups else Q
 
 
-def particular(constraints: tuple[Constraint, ...], released: Constraint, n_dof: int) -> NDArray[np.float64]:
+def particular(constraints: tuple[Constraint, ...], released: Constraint, n_dof: int) -> Floats:
     """Return a motion, shape (n_dof,), that violates one constraint by one unit and meets all others.
 
     Zero where there is none: another constraint says the same.
@@ -634,20 +635,20 @@ def constraint_groups(constraints: tuple[Constraint, ...]) -> list[tuple[Constra
     return [tuple(constraints[i] for i in part) for part in parts]
 
 
-def _rows(group: tuple[Constraint, ...], dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+def _rows(group: tuple[Constraint, ...], dofs: Ints) -> Floats:
     B = np.zeros((len(group), len(dofs)))
     for i, c in enumerate(group):
         np.add.at(B[i], np.searchsorted(dofs, c.dofs), c.coefficients)
     return B
 
 
-def _null(B: NDArray[np.float64]) -> NDArray[np.float64]:
+def _null(B: Floats) -> Floats:
     _, s, Vt = np.linalg.svd(B / np.linalg.norm(B, axis=1, keepdims=True))
     rank = int((s > 1e-10).sum())
     return Vt[rank:].T
 
 
-def _leading(Q: Any) -> NDArray[np.int64]:
+def _leading(Q: Any) -> Ints:
     """Return the first DOF that each column moves: keeps the bandwidth small."""
     first = np.full(Q.shape[1], Q.shape[0])
     coo = Q.tocoo()

@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.effects.on_member import OnMember
 from fem.effects.places import elements_of, frame_of, parameters_of, sheared_frame
 from fem.effects.section_shear import SectionShear
@@ -170,7 +170,7 @@ def cut_parameters(model: Model, member: str) -> tuple[ParameterRef, ...]:
     return tuple(ref for e in every for ref in (*parameters_of(e), *e.refers_to(model)))
 
 
-def turning_axis(effect: Effect, model: Model) -> NDArray[np.float64] | None:
+def turning_axis(effect: Effect, model: Model) -> Floats | None:
     """Return the global unit vector (3,) about which a member gives way; None of other effects."""
     if not isinstance(effect, GivesWay):
         return None

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fem.array_types import Floats
 
 TOLERANCE = 1e-9
 """Largest residual of a converged pair, relative to its ν = 1/(λ - σ)."""
@@ -31,9 +32,9 @@ class RitzPairs:
         The next eigenvalue after these as far as it is known; infinite if there is none.
     """
 
-    eigenvalues: NDArray[np.float64]
-    vectors: NDArray[np.float64]
-    residual: NDArray[np.float64]
+    eigenvalues: Floats
+    vectors: Floats
+    residual: Floats
     following: float
 
     def head(self, n: int) -> "RitzPairs":
@@ -42,12 +43,12 @@ class RitzPairs:
 
 
 def lowest_eigenpairs(
-    solve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    solve: Callable[[Floats], Floats],
     M: Any,
     shift: float,
     n: int,
     limit: float = -np.inf,
-    known: NDArray[np.float64] | None = None,
+    known: Floats | None = None,
     block: int | None = None,
     seed: int = 0,
 ) -> RitzPairs:
@@ -103,12 +104,12 @@ def _above(eigenvalue: float) -> float:
 
 
 def _search(
-    solve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    solve: Callable[[Floats], Floats],
     M: Any,
     shift: float,
     n: int,
     limit: float,
-    fixed: NDArray[np.float64],
+    fixed: Floats,
     block: int,
     seed: int,
 ) -> tuple[RitzPairs, bool]:
@@ -168,7 +169,7 @@ def merged(one: RitzPairs, two: RitzPairs, n: int) -> RitzPairs:
     return RitzPairs(eigenvalues[keep], vectors[:, keep], residual[keep], following)
 
 
-def _norms(M: Any, X: NDArray[np.float64]) -> NDArray[np.float64]:
+def _norms(M: Any, X: Floats) -> Floats:
     """Return the norms √(xᵀ M x) of columns."""
     return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, M @ X), 0.0))
 
@@ -177,17 +178,15 @@ def _norms(M: Any, X: NDArray[np.float64]) -> NDArray[np.float64]:
 class _Block:
     """M-orthonormal vectors X, and M X."""
 
-    X: NDArray[np.float64]
-    MX: NDArray[np.float64]
+    X: Floats
+    MX: Floats
 
     def head(self, n: int) -> "_Block":
         """Return the first n of them."""
         return _Block(self.X[:, :n], self.MX[:, :n])
 
 
-def _next_block(
-    M: Any, V: NDArray[np.float64], W: NDArray[np.float64], local: int
-) -> tuple[_Block, NDArray[np.float64], NDArray[np.float64]]:
+def _next_block(M: Any, V: Floats, W: Floats, local: int) -> tuple[_Block, Floats, Floats]:
     """Split W into its part in M-orthonormal V and an M-orthonormal block.
 
     The columns of V from a given one on are taken out twice and the others once, which is enough where W has
@@ -229,7 +228,7 @@ def _next_block(
     return _Block(X, MX), MX.T @ W, part
 
 
-def _bordered(T: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bordered(T: Floats, part: Floats) -> Floats:
     """Return T with the columns of its next block, whose rows are those of all blocks."""
     m, e = len(T), len(part)
     out = np.zeros((e, e))
@@ -240,7 +239,7 @@ def _bordered(T: NDArray[np.float64], part: NDArray[np.float64]) -> NDArray[np.f
     return out
 
 
-def _largest_set(nu: NDArray[np.float64]) -> int:
+def _largest_set(nu: Floats) -> int:
     """Return how many values the largest set of equal ones has."""
     if not nu.size:
         return 0

@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 from scipy.sparse.csgraph import shortest_path
 
+from fem.array_types import Bools, Floats, Ints
+
 LEAF = 96
 """Parts of at most this many coordinates are not cut further."""
 
@@ -52,11 +54,11 @@ class Front:
 
     first: int
     last: int
-    boundary: NDArray[np.int64]
+    boundary: Ints
     children: tuple[tuple[int, list[tuple[int, int, int]]], ...]
-    diagonal: NDArray[np.int64]
-    edge: NDArray[np.int64]
-    split: NDArray[np.bool_]
+    diagonal: Ints
+    edge: Ints
+    split: Bools
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,10 +78,10 @@ class EliminationPlan:
         The pattern, as in a `csc_array`.
     """
 
-    permutation: NDArray[np.int64]
+    permutation: Ints
     fronts: tuple[Front, ...]
-    entry: NDArray[np.int64]
-    start: NDArray[np.int64]
+    entry: Ints
+    start: Ints
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
 
@@ -88,7 +90,7 @@ class EliminationPlan:
         return np.array_equal(self.indptr, A.indptr) and np.array_equal(self.indices, A.indices)
 
 
-def _graph(A: Any, group: NDArray[np.int64]) -> sp.csr_array:
+def _graph(A: Any, group: Ints) -> sp.csr_array:
     """Return the graph of groups of coordinates that the entries of A couple, without loops."""
     coo = sp.coo_array(A)
     i, j = group[coo.row], group[coo.col]
@@ -99,9 +101,9 @@ def _graph(A: Any, group: NDArray[np.int64]) -> sp.csr_array:
     return graph
 
 
-def _landmarks(graph: Any) -> NDArray[np.int64]:
+def _landmarks(graph: Any) -> Ints:
     """Return distances in the graph from four nodes that are far from each other, shape (4, nodes)."""
-    distances: list[NDArray[np.int64]] = []
+    distances: list[Ints] = []
     at, nearest = 0, None
     for k in range(5):
         d = np.asarray(shortest_path(graph, method="D", unweighted=True, indices=at))
@@ -114,7 +116,7 @@ def _landmarks(graph: Any) -> NDArray[np.int64]:
     return np.array(distances)
 
 
-def _sorted_by(domain: NDArray[np.int64], x: NDArray[np.int64]) -> NDArray[np.int64]:
+def _sorted_by(domain: Ints, x: Ints) -> Ints:
     """Return the order of nodes by domain, by x within a domain, and by number where these are equal."""
     n, levels = len(x), int(x.max()) + 1
     if int(domain.max() + 1) * levels * n < 2**63:
@@ -123,9 +125,7 @@ def _sorted_by(domain: NDArray[np.int64], x: NDArray[np.int64]) -> NDArray[np.in
     return np.lexsort((x, domain))
 
 
-def _upper_half(
-    domain: NDArray[np.int64], n_domains: int, weight: NDArray[np.float64], x: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def _upper_half(domain: Ints, n_domains: int, weight: Floats, x: Ints) -> Bools:
     """Return which nodes lie in the upper half of their domain along x.
 
     Nodes with the same x stay together where each side still gets a fifth of the weight.
@@ -150,9 +150,7 @@ def _upper_half(
     return out
 
 
-def _dissect(
-    graph: Any, weight: NDArray[np.float64], places: NDArray[np.int64], leaf: float
-) -> tuple[list[NDArray[np.int64]], list[int]]:
+def _dissect(graph: Any, weight: Floats, places: Ints, leaf: float) -> tuple[list[Ints], list[int]]:
     """Cut a graph in halves, these in halves, and so on, until no part weighs more than a leaf.
 
     Parameters
@@ -233,7 +231,7 @@ def _postorder(parent: list[int]) -> list[int]:
     return out[::-1]
 
 
-def plan_elimination(A: Any, leaf: int = LEAF, places: NDArray[np.float64] | None = None) -> EliminationPlan:
+def plan_elimination(A: Any, leaf: int = LEAF, places: Floats | None = None) -> EliminationPlan:
     """Order the elimination of a matrix with a symmetric pattern of entries.
 
     Parameters
@@ -263,7 +261,7 @@ def plan_elimination(A: Any, leaf: int = LEAF, places: NDArray[np.float64] | Non
     lower, entry = _lower(A, permutation)
     graph = graph[nodes][:, nodes]
     fronts: list[Front] = []
-    edges: list[NDArray[np.int64]] = []  # boundary of each front in nodes
+    edges: list[Ints] = []  # boundary of each front in nodes
     waiting: dict[int, list[int]] = {k: [] for k in order}
     node = 0
     for k in order:
@@ -281,7 +279,7 @@ def plan_elimination(A: Any, leaf: int = LEAF, places: NDArray[np.float64] | Non
     return EliminationPlan(permutation, tuple(fronts), entry, lower.indptr, A.indptr, A.indices)
 
 
-def _steps(places: NDArray[np.float64]) -> NDArray[np.int64]:
+def _steps(places: Floats) -> Ints:
     """Return places (n, d) as steps along each axis, (d, n)."""
     extent = float(np.ptp(places, axis=0).max(initial=0.0))
     from_corner = places - places.min(axis=0)
@@ -289,7 +287,7 @@ def _steps(places: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.round(4096 * from_corner / max(extent, 1e-300)).astype(np.int64).T
 
 
-def _alike(A: Any) -> NDArray[np.int64]:
+def _alike(A: Any) -> Ints:
     """Return a group for each coordinate; those of one group are coupled with the same coordinates."""
     mark = np.random.default_rng(0).integers(0, 2**62, A.shape[0], dtype=np.uint64)
     total = np.concatenate([np.zeros(1, np.uint64), np.cumsum(mark[A.indices], dtype=np.uint64)])
@@ -301,14 +299,14 @@ def _alike(A: Any) -> NDArray[np.int64]:
     return number[group.ravel()]
 
 
-def _spread(start: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+def _spread(start: Ints, nodes: Ints) -> Ints:
     """Return the coordinates of nodes."""
     size = start[nodes + 1] - start[nodes]
     before = np.cumsum(size) - size
     return np.repeat(start[nodes] - before, size) + np.arange(size.sum())
 
 
-def _lower(A: Any, permutation: NDArray[np.int64]) -> tuple[Any, NDArray[np.int64]]:
+def _lower(A: Any, permutation: Ints) -> tuple[Any, Ints]:
     """Return the pattern of the permuted lower triangle and which of A's entries are in it."""
     coo = sp.coo_array(A)
     rank = np.empty(len(permutation), dtype=np.int64)
@@ -320,13 +318,7 @@ def _lower(A: Any, permutation: NDArray[np.int64]) -> tuple[Any, NDArray[np.int6
     return pattern, pattern.data
 
 
-def _front(
-    first: int,
-    last: int,
-    rows: NDArray[np.int64],
-    children: list[tuple[int, NDArray[np.int64]]],
-    lower: Any,
-) -> Front:
+def _front(first: int, last: int, rows: Ints, children: list[tuple[int, Ints]], lower: Any) -> Front:
     p, b = last - first, len(rows)
     begin, end = lower.indptr[first], lower.indptr[last]
     i = lower.indices[begin:end]
@@ -339,7 +331,7 @@ def _front(
     return Front(first, last, rows, at, diagonal, edge, split)
 
 
-def _runs(at: NDArray[np.int64], p: int) -> list[tuple[int, int, int]]:
+def _runs(at: Ints, p: int) -> list[tuple[int, int, int]]:
     """Return the runs of successive places: begin and end among the places, and the first place.
 
     A run ends where places reach p.

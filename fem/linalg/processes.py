@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.linalg.lanczos import TOLERANCE, RitzPairs
 from fem.linalg.solvers import SLEPC, Factor, factorise
 
@@ -68,7 +68,7 @@ class ProcessEigenpairs:
 
 
 def lowest_by_processes(
-    K: Any, M: Any, shift: float, n: int, known: NDArray[np.float64], start: tuple[str, ...] | None = None
+    K: Any, M: Any, shift: float, n: int, known: Floats, start: tuple[str, ...] | None = None
 ) -> ProcessEigenpairs:
     """Compute the n lowest eigenpairs besides known ones by Krylov-Schur iteration.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 from threadpoolctl import ThreadpoolController
 
+from fem.array_types import Floats
 from fem.linalg.multifrontal import EliminationPlan, factorise_blocks, plan_elimination
 
 SUPERLU_BELOW_EQUATIONS = 1000
@@ -80,10 +81,7 @@ def one_thread() -> Iterator[None]:
 
 
 def factorise(
-    A: Any,
-    like: Factor | None = None,
-    backend: str | None = None,
-    places: NDArray[np.float64] | None = None,
+    A: Any, like: Factor | None = None, backend: str | None = None, places: Floats | None = None
 ) -> Factor:
     """Factorise a sparse symmetric matrix, real or complex.
 
@@ -157,7 +155,7 @@ def _superlu(A: Any) -> Factor:
     return Factor(lu.solve, count_negative, "superlu", matrix=A)
 
 
-def _multifrontal(A: Any, like: Factor | None, places: NDArray[np.float64] | None) -> Factor:
+def _multifrontal(A: Any, like: Factor | None, places: Floats | None) -> Factor:
     A = sp.csc_array(A)
     if not A.has_canonical_format:
         A = A.copy()

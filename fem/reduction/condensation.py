@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from fem.analysis.modes import MechanismError, Modes, n_negative, solve_eigenpairs
 from fem.analysis.selection import Selection, dof_vectors
+from fem.array_types import Complexes, Floats, Ints
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import Law, ModelError
 from fem.reduction.expansion import left_inverse
@@ -55,21 +55,21 @@ class Reduction:
     """
 
     method: str
-    T: NDArray[np.float64]
-    K: NDArray[np.float64]
-    M: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
+    T: Floats
+    K: Floats
+    M: Floats
+    C: Floats
+    D: Floats
     labels: tuple[str, ...]
     n_kept: int
     rank: int
-    laws: tuple[tuple[Law, NDArray[np.float64]], ...]
+    laws: tuple[tuple[Law, Floats], ...]
     system: System
-    flexibility: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = field(repr=False)
+    flexibility: Callable[[Floats], Floats] | None = field(repr=False)
 
     __repr__ = fields_summary
 
-    def dynamic_stiffness(self, omega: float) -> NDArray[np.complex128]:
+    def dynamic_stiffness(self, omega: float) -> Complexes:
         """Return Z(ω) with the structure's Rayleigh and structural damping, (r, r).
 
         Modal damping ratios have no matrix and are left out.
@@ -98,7 +98,7 @@ class Reduction:
         eigenvalues, vectors = eigenvalues[:n], vectors[:, :n]
         return Modes(np.sqrt(np.maximum(eigenvalues, 0.0)) / (2 * np.pi), self.T @ vectors)
 
-    def eigenpairs(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def eigenpairs(self) -> tuple[Floats, Floats]:
         """Return ω² (n,), rising, and M-orthonormal vectors (r, n) of the reduced matrices."""
         K, M = self.K, self.M
         V = np.eye(len(K))
@@ -278,8 +278,8 @@ def reduce_craig_bampton(
 class _Partition:
     """Which independent coordinates stay and which are left out."""
 
-    kept: NDArray[np.int64]
-    omitted: NDArray[np.int64]
+    kept: Ints
+    omitted: Ints
     labels: tuple[str, ...]
 
 
@@ -288,7 +288,7 @@ class _Fixed:
     """The structure fixed at the kept DOFs: the factor of K_oo, None if all are kept; t_s = -K_oo⁻¹ K_oa."""
 
     factor: Factor | None
-    static: NDArray[np.float64]
+    static: Floats
 
 
 def _partition(system: System, keep: Selection) -> _Partition:
@@ -327,7 +327,7 @@ def _partition(system: System, keep: Selection) -> _Partition:
     return _Partition(kept, np.setdiff1d(np.arange(system.n_free), kept), labels)
 
 
-def _spread(part: _Partition, t: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spread(part: _Partition, t: Floats) -> Floats:
     """Return T (n_free, a) with the identity at the kept coordinates and t at the others."""
     T = np.zeros((len(part.kept) + len(part.omitted), len(part.kept)))
     T[part.kept] = np.eye(len(part.kept))
@@ -361,7 +361,7 @@ def _fix(system: System, part: _Partition) -> _Fixed:
     return _Fixed(factor, static)
 
 
-def _refuse_unstable(system: System, part: _Partition, change: NDArray[np.float64], n_omitted: int) -> None:
+def _refuse_unstable(system: System, part: _Partition, change: Floats, n_omitted: int) -> None:
     """Raise an UnstableError if K has negative eigenvalues: those of K_oo and of its static condensation."""
     K = sp.csc_array(system.K)[part.kept][:, part.kept].toarray()
     scale = 1 / np.sqrt(np.maximum(K.diagonal(), 1e-300))
@@ -373,7 +373,7 @@ def _refuse_unstable(system: System, part: _Partition, change: NDArray[np.float6
             solve_eigenpairs(system, 1)
 
 
-def _fixed_system(system: System, omitted: NDArray[np.int64]) -> System:
+def _fixed_system(system: System, omitted: Ints) -> System:
     """Return the system of the structure held at its kept DOFs."""
 
     def inner(X: sp.csc_array) -> sp.csc_array:
@@ -392,14 +392,9 @@ def _fixed_system(system: System, omitted: NDArray[np.int64]) -> System:
 
 
 def _project(
-    system: System,
-    method: str,
-    part: _Partition,
-    T: NDArray[np.float64],
-    fixed: _Fixed | None,
-    rank: int | None = None,
+    system: System, method: str, part: _Partition, T: Floats, fixed: _Fixed | None, rank: int | None = None
 ) -> Reduction:
-    def inner(X: Any) -> NDArray[np.float64]:
+    def inner(X: Any) -> Floats:
         small = T.T @ (X @ T)
         return (small + small.T) / 2
 
@@ -413,9 +408,7 @@ def _project(
     )
 
 
-def _small_eigenpairs(
-    K: NDArray[np.float64], M: NDArray[np.float64], n_rigid: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _small_eigenpairs(K: Floats, M: Floats, n_rigid: int) -> tuple[Floats, Floats]:
     """Return ω² and M-orthonormal vectors of dense matrices; directions without mass have none."""
     shift = 1e-9 * float(K.diagonal().sum() / M.diagonal().sum())
     eigenvalues, vectors = np.zeros(0), np.zeros((0, 0))
@@ -434,9 +427,7 @@ def _small_eigenpairs(
     return eigenvalues, vectors
 
 
-def _condensed_flexibility(
-    system: System, part: _Partition, fixed: _Fixed
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+def _condensed_flexibility(system: System, part: _Partition, fixed: _Fixed) -> Callable[[Floats], Floats]:
     """Return b ↦ K⁺ b for loads that rigid-body motions do not feel: block elimination with K_oo's factor.
 
     K⁻¹ = T_s K_s⁻¹ T_sᵀ + K_oo⁻¹ with Guyan's T_s and K_s, which is singular for a free structure.
@@ -448,7 +439,7 @@ def _condensed_flexibility(
     N = np.linalg.qr(system.rigid[part.kept] / scale[:, None])[0]
     inner = sla.cho_factor(K + N @ N.T)
 
-    def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(b: Floats) -> Floats:
         x = T @ (scale[:, None] * sla.cho_solve(inner, scale[:, None] * (T.T @ b)))
         if fixed.factor is not None:
             x[part.omitted] += fixed.factor.solve(b[part.omitted])

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.modes import Modes, UnstableError
 from fem.analysis.selection import Selection, dof_vectors
+from fem.array_types import Floats
 from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.model import Array, ModelError
 from fem.summary import fields_summary
@@ -45,7 +46,7 @@ class Expansion:
     method: str
     shapes: Array
     residual: Array
-    misfit: NDArray[np.float64]
+    misfit: Floats
     condition: float
     sensors: tuple[str, ...]
     amplitudes: Array | None = None
@@ -233,7 +234,7 @@ def expand_dynamic(system: System, sensors: Selection, shapes: ArrayLike, freque
     return _result("dynamic", out, rows, measured, condition, labels)
 
 
-def left_inverse(seen: Array, frequency: NDArray[np.float64], n_sensors: int) -> tuple[Array, float]:
+def left_inverse(seen: Array, frequency: Floats, n_sensors: int) -> tuple[Array, float]:
     """Return the left inverse (m, n) of modes at sensors (n, m), and their condition number.
 
     Raises
@@ -273,9 +274,7 @@ def _column(noise: ArrayLike) -> tuple[int, ...]:
     return (*shape, 1) if len(shape) == 1 else shape
 
 
-def _checked(
-    system: System, sensors: Selection, shapes: ArrayLike
-) -> tuple[NDArray[np.float64], tuple[str, ...], Array]:
+def _checked(system: System, sensors: Selection, shapes: ArrayLike) -> tuple[Floats, tuple[str, ...], Array]:
     """Return the sensors' columns (n_dof, n), their labels, and the shapes (n, n_shapes)."""
     rows, labels = dof_vectors(system.model, sensors)
     measured = np.asarray(shapes)
@@ -292,7 +291,7 @@ def _checked(
     return rows, labels, measured
 
 
-def _check_rigid(system: System, rows: NDArray[np.float64], labels: Sequence[str]) -> None:
+def _check_rigid(system: System, rows: Floats, labels: Sequence[str]) -> None:
     """Raise an error if a rigid-body motion of the structure moves no sensor."""
     if not system.rigid.shape[1]:
         return
@@ -307,8 +306,8 @@ def _check_rigid(system: System, rows: NDArray[np.float64], labels: Sequence[str
 
 
 def _interpolant(
-    system: System, Z: sp.csc_array, rows: NDArray[np.float64], labels: Sequence[str]
-) -> tuple[NDArray[np.float64], float]:
+    system: System, Z: sp.csc_array, rows: Floats, labels: Sequence[str]
+) -> tuple[Floats, float]:
     """Return T (n_free, n) with B T = I that makes qᵀ Z q stationary, and a condition number.
 
     T = Y (B Y)⁻¹ with Y = (Z + Bᵀ W B)⁻¹ Bᵀ. The added stiffness W at the sensors is as large as that
@@ -340,7 +339,7 @@ def _interpolant(
     return np.linalg.solve(scaled, (Y * scale).T).T * scale, condition
 
 
-def _check_independent(B: sp.csr_array, size: NDArray[np.float64], labels: Sequence[str]) -> None:
+def _check_independent(B: sp.csr_array, size: Floats, labels: Sequence[str]) -> None:
     """Raise an error that names a sensor whose row the others combine to."""
     touched = np.unique(B.indices)
     unit = B[:, touched].toarray() / size[:, None]
@@ -358,12 +357,7 @@ def _check_independent(B: sp.csr_array, size: NDArray[np.float64], labels: Seque
         raise ModelError(msg)
 
 
-def _smoothest(
-    A: Array,
-    b: Array,
-    omega: NDArray[np.float64],
-    n_rigid: int,
-) -> tuple[Array, float]:
+def _smoothest(A: Array, b: Array, omega: Floats, n_rigid: int) -> tuple[Array, float]:
     """Minimise Σ ω² |c|² subject to ‖A c - b‖² ≤ n; the first ``n_rigid`` unknowns are free."""
     R, E = A[:, :n_rigid], A[:, n_rigid:] / omega[n_rigid:]
     basis = np.linalg.qr(R)[0] if n_rigid else np.zeros((len(A), 0))
@@ -407,7 +401,7 @@ def _smoothest(
 def _result(
     method: str,
     shapes: Array,
-    rows: NDArray[np.float64],
+    rows: Floats,
     measured: Array,
     condition: float,
     labels: tuple[str, ...],

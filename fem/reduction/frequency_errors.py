@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from fem.analysis.modes import rigid_body_motions
+from fem.array_types import Floats
 from fem.linalg.solvers import factorise
 from fem.model import ModelError
 from fem.reduction.condensation import Reduction
@@ -36,20 +36,20 @@ class FrequencyErrors:
         missed, modes of the same number are not the same motion, and ``lower`` is 0.
     """
 
-    frequency: NDArray[np.float64]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    frequency: Floats
+    lower: Floats
+    upper: Floats
     separation: float
     counted: bool
     n_missed: int
 
     @property
-    def least(self) -> NDArray[np.float64]:
+    def least(self) -> Floats:
         """Relative errors are at least this, shape (n,) [-]."""
         return np.maximum(self.frequency / self.upper - 1, 0.0)
 
     @property
-    def most(self) -> NDArray[np.float64]:
+    def most(self) -> Floats:
         """Relative errors are at most this, shape (n,) [-]."""
         with np.errstate(divide="ignore"):
             return np.maximum(self.frequency / self.lower - 1, 0.0)
@@ -124,9 +124,7 @@ def frequency_errors(reduction: Reduction, max_frequency: float, *, count: bool 
     )
 
 
-def _elastic_flexibility(
-    system: System, first: float, n: int
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+def _elastic_flexibility(system: System, first: float, n: int) -> Callable[[Floats], Floats]:
     """Return b ↦ K⁺ b from a factor of K + σM, for a reduction that has no static condensation.
 
     σ is 10⁻³ of the first elastic ω², so that three corrections x ← x + (K + σM)⁻¹ (b - Kx) leave 10⁻¹².
@@ -134,7 +132,7 @@ def _elastic_flexibility(
     factor = factorise(system.K + 1e-3 * first * system.M)
     R = rigid_body_motions(system)
 
-    def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(b: Floats) -> Floats:
         x = factor.solve(b)
         for _ in range(4):
             x = x - R @ (R.T @ (system.M @ x))
@@ -144,7 +142,7 @@ def _elastic_flexibility(
     return solve
 
 
-def _ritz_vectors(system: System, X: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ritz_vectors(system: System, X: Floats) -> Floats:
     """Return Ritz vectors of the span of X, K-orthogonal and of K-norm 1."""
     K = X.T @ (system.K @ X)
     scale = 1 / np.sqrt(K.diagonal())
@@ -153,14 +151,14 @@ def _ritz_vectors(system: System, X: NDArray[np.float64]) -> NDArray[np.float64]
     return X @ (scale[:, None] * vectors[:, keep] / np.sqrt(values[keep]))
 
 
-def _ritz_values(K: NDArray[np.float64], M: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ritz_values(K: Floats, M: Floats) -> Floats:
     """Return rising eigenvalues of K y = λ M y, by the flipped problem, which keeps the low ones' digits."""
     scale = 1 / np.sqrt(K.diagonal())
     nu = sla.eigh(scale[:, None] * M * scale, scale[:, None] * K * scale, eigvals_only=True)[::-1]
     return 1 / nu[nu > 0]
 
 
-def _separations(eigenvalues: NDArray[np.float64], n: int) -> list[tuple[int, float]]:
+def _separations(eigenvalues: Floats, n: int) -> list[tuple[int, float]]:
     """Return places between the modes: how many values lie below, and an ω².
 
     The first is the middle of the widest gap above the first n values, the second that of the gap just above
@@ -174,9 +172,7 @@ def _separations(eigenvalues: NDArray[np.float64], n: int) -> list[tuple[int, fl
     return [(n + i, float(middle[i])) for i in dict.fromkeys((widest, 0))]
 
 
-def _lehmann(
-    A0: NDArray[np.float64], A1: NDArray[np.float64], A2: NDArray[np.float64], a: float, n: int
-) -> NDArray[np.float64]:
+def _lehmann(A0: Floats, A1: Floats, A2: Floats, a: float, n: int) -> Floats:
     """Return lower bounds of the n lowest ω², given that n of them lie below 1/a.
 
     The Ritz values μ of (A - a)⁻¹ on the trial space (A - a) X lie below its eigenvalues 1/(ν - a), so that

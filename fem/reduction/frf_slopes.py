@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Ints
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrfSlopes:
@@ -24,7 +26,7 @@ class FrfSlopes:
 
     common: NDArray[np.complex64]
     first: int
-    of: NDArray[np.int64]
+    of: Ints
     single: NDArray[np.complex64]
 
     def dense(self) -> NDArray[np.complex64]:
@@ -35,7 +37,7 @@ class FrfSlopes:
         out[first + np.arange(k), self.of] = self.single
         return out.swapaxes(1, 2)
 
-    def with_outputs(self, rows: NDArray[np.int64], other: "FrfSlopes") -> "FrfSlopes":
+    def with_outputs(self, rows: Ints, other: "FrfSlopes") -> "FrfSlopes":
         """Return the derivatives with those of some outputs from others by the same quantities."""
         common, single = self.common.copy(), self.single.copy()
         theirs = np.isin(self.of, rows)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.model import Contribution, Effect, ParameterRef
 from fem.recent import Recent
 from fem.reduction.modal_solution import ModalSolution, times
@@ -30,13 +31,13 @@ class _Place:
     G and Hᵢ side by side.
     """
 
-    motions: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    scale: NDArray[np.float64]
-    outputs: NDArray[np.complex128]
-    both: NDArray[np.complex128]
+    motions: Floats
+    inverse: Floats
+    scale: Floats
+    outputs: Complexes
+    both: Complexes
 
-    def holds(self, X: NDArray[np.float64]) -> bool:
+    def holds(self, X: Floats) -> bool:
         """Whether a matrix acts on these motions alone."""
         P, size = self.motions @ self.inverse, np.outer(self.scale, self.scale)
         return bool(np.abs((P @ X @ P.T - X) / size).max() <= 1e-12 * np.abs(X / size).max())
@@ -57,15 +58,13 @@ class Fields:
         Takes slopes of the receptances of all outputs to those of what is read of them.
     """
 
-    outputs: NDArray[np.complex128]
-    inputs: NDArray[np.complex128]
+    outputs: Complexes
+    inputs: Complexes
     omega: NDArray[Any]
     factors: dict[str, NDArray[Any]]
-    read: Callable[[NDArray[np.complex128]], NDArray[np.complex128]]
+    read: Callable[[Complexes], Complexes]
 
-    def slope(
-        self, contributions: Sequence[Contribution], connection: bool = False
-    ) -> NDArray[np.complex128]:
+    def slope(self, contributions: Sequence[Contribution], connection: bool = False) -> Complexes:
         """Return -Hₒ ΔZ Hᵢ of element matrices ΔZ, the change of the receptances for a little of them.
 
         Their stiffness is damped as that of a connection is, or as that of members.
@@ -115,20 +114,18 @@ class LocalChanges:
 
     engine: ParametricFRF
     state: ModalSolution
-    Xo: NDArray[np.complex128]
-    Xi: NDArray[np.complex128]
-    every: NDArray[np.complex128]
+    Xo: Complexes
+    Xi: Complexes
+    every: Complexes
     total: dict[str, Any]
-    zeta: NDArray[np.float64]
-    damped: NDArray[np.float64] | None
+    zeta: Floats
+    damped: Floats | None
     values: Mapping[ParameterRef, float] = field(default_factory=dict)
     # By the place of a term: changes are tried in series at one place, also in later calls.
     _places: Recent = field(default_factory=lambda: Recent(_PLACES), init=False, repr=False)
 
     @classmethod
-    def of(
-        cls, engine: ParametricFRF, values: NDArray[np.float64], zeta: NDArray[np.float64]
-    ) -> "LocalChanges":
+    def of(cls, engine: ParametricFRF, values: Floats, zeta: Floats) -> "LocalChanges":
         """Solve once, so that many changes at few DOFs can be tried at little cost each.
 
         Parameters
@@ -147,11 +144,11 @@ class LocalChanges:
         return cls(engine, state, Xo, Xi, H, total, zeta, damped, at)
 
     @property
-    def H(self) -> NDArray[np.complex128]:
+    def H(self) -> Complexes:
         """What is read without the effects, (n_freq, n_out, n_in)."""
         return self.engine.referred(self.every)
 
-    def slopes_read(self, slopes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def slopes_read(self, slopes: Complexes) -> Complexes:
         """Return the slopes (…, n_freq, n_out, n_in) of what is read by those of all receptances."""
         return self.engine.referred_slopes(slopes, self.every)
 
@@ -162,7 +159,7 @@ class LocalChanges:
         moved = times(modes, self.Xo), times(modes, self.Xi)
         return Fields(*moved, self.engine.omega, factors, self.slopes_read)
 
-    def violations(self) -> tuple[list[tuple[str, str]], NDArray[np.complex128]]:
+    def violations(self) -> tuple[list[tuple[str, str]], Complexes]:
         """Return the keys of the constraints that hold, and the outputs' responses to unit violations.
 
         Shape (n_constraints, n_out, n_freq): the response to the motion that a constraint prescribes, with
@@ -180,7 +177,7 @@ class LocalChanges:
             out = out - factors[key] * times(rows.T, self.Xo)
         return keys, out
 
-    def receptances(self, effects: Sequence[Effect]) -> list[NDArray[np.complex128]]:
+    def receptances(self, effects: Sequence[Effect]) -> list[Complexes]:
         """Return the receptances with each of some effects added, one at a time.
 
         H' = H - Hₒ (I + ΔZ G)⁻¹ ΔZ Hᵢ, with G the receptance of the motions that the effect resists: six for
@@ -194,7 +191,7 @@ class LocalChanges:
         in_series = terms_in_series(engine.reduced, [effect], engine.candidates, self.values)
         return engine.reduced.value_of(effect) if in_series is None else in_series[0]
 
-    def with_terms(self, terms: Sequence[ReducedTerm]) -> list[NDArray[np.complex128]]:
+    def with_terms(self, terms: Sequence[ReducedTerm]) -> list[Complexes]:
         """Return the same for effects that are projected already.
 
         Terms at the same place share Hₒ, Hᵢ and G, also in later calls, and are solved for together. A term
@@ -235,7 +232,7 @@ class LocalChanges:
                 out[i] = self.every - change[:, :, g]
         return [self.engine.referred(H) for H in out]
 
-    def _anew(self, term: ReducedTerm) -> NDArray[np.complex128]:
+    def _anew(self, term: ReducedTerm) -> Complexes:
         engine, total = self.engine, dict(self.total)
         engine.add(total, term, 1.0)
         damped = None if term.damps(self.zeta.ndim > 1) else self.damped
@@ -244,7 +241,7 @@ class LocalChanges:
         )
         return np.moveaxis(times((state.V.T @ engine.outputs).T, state.solve(engine.inputs)), 2, 0)
 
-    def _place(self, term: ReducedTerm, matrices: list[NDArray[np.float64]]) -> _Place:
+    def _place(self, term: ReducedTerm, matrices: list[Floats]) -> _Place:
         """Return the responses at the motions that a term's matrices act on (computed once).
 
         The flexibility of the structure that the basis lacks is added there.
@@ -272,12 +269,8 @@ class LocalChanges:
         return self._places.put(key, _Place(motions, inverse, scale, outputs, both))
 
     def _brought_about(
-        self,
-        L: NDArray[np.float64],
-        motions: NDArray[np.float64],
-        inverse: NDArray[np.float64],
-        matrices: list[NDArray[np.float64]],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        self, L: Floats, motions: Floats, inverse: Floats, matrices: list[Floats]
+    ) -> tuple[Floats, Floats]:
         """Return fewer motions: of a stretch of a beam its bending as one beam, not that of each element.
 
         With X the sum of the matrices, each scaled to 1, and U the responses at the place to the forces at
@@ -296,7 +289,7 @@ class LocalChanges:
         return motions @ C @ P, P.T @ onto
 
 
-def _solve_lines(A: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _solve_lines(A: Complexes) -> Complexes:
     """Solve A[:, :n] w = A[:, n:] at each line; A (n, n + m, n_freq) gives w (n, m, n_freq).
 
     Gauss's elimination on all lines at once, for matrices that differ from the identity by an effect. Without

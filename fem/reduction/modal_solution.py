@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.reduction.reduced_model import ReducedModel
 
 
@@ -20,17 +21,17 @@ class ModalSolution:
     (n_freq,) are the factors of K and M in changes of Z, and ``by_zeta`` (r, n_freq) is its slope by ζ.
     """
 
-    lam: NDArray[np.float64]
-    V: NDArray[np.float64]
-    stiffness: NDArray[np.complex128]
-    connections: NDArray[np.complex128]
-    mass: NDArray[np.complex128]
-    by_zeta: NDArray[np.complex128]
-    inverse: NDArray[np.complex128]
-    U: NDArray[np.float64] | None
-    resisting: NDArray[np.complex128]
-    yielding: NDArray[np.complex128]
-    U_connections: NDArray[np.float64] | None = None
+    lam: Floats
+    V: Floats
+    stiffness: Complexes
+    connections: Complexes
+    mass: Complexes
+    by_zeta: Complexes
+    inverse: Complexes
+    U: Floats | None
+    resisting: Complexes
+    yielding: Complexes
+    U_connections: Floats | None = None
     _correct: NDArray[Any] | None = field(default=None, init=False, repr=False)
 
     @classmethod
@@ -39,10 +40,10 @@ class ModalSolution:
         reduced: ReducedModel,
         total: dict[str, Any],
         omega: NDArray[Any],
-        zeta: NDArray[np.float64],
-        damped: NDArray[np.float64] | None,
-        losses: NDArray[np.float64] | None = None,
-        modal: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
+        zeta: Floats,
+        damped: Floats | None,
+        losses: Floats | None = None,
+        modal: Callable[[Floats], Floats] | None = None,
         *,
         viscous: bool = False,
     ) -> "ModalSolution":
@@ -76,7 +77,7 @@ class ModalSolution:
         near_zero = np.abs(lam[:n_rigid]) < 1e-6 * np.abs(lam[min(n_rigid, len(lam) - 1)])
         lam[:n_rigid] = np.where(near_zero, 0.0, lam[:n_rigid])
         elastic = 1 + 1j * damping.loss_factor + 1j * omega * damping.beta
-        inertia: NDArray[np.complex128] = (1j * omega * damping.alpha - omega**2).astype(complex)
+        inertia: Complexes = (1j * omega * damping.alpha - omega**2).astype(complex)
         by_zeta = 2j * lam[:, None] * np.ones(len(omega))
         stiffness, mass = elastic + 2j * zeta, inertia
         if viscous:
@@ -118,7 +119,7 @@ class ModalSolution:
             self._correct = np.linalg.solve(self.yielding, self.resisting)
         return self._correct
 
-    def resisted(self, motions: NDArray[np.complex128]) -> NDArray[Any]:
+    def resisted(self, motions: Complexes) -> NDArray[Any]:
         """Return the forces (n_freq, k, n) of local dampers, from the motions without them."""
         # Where local damping acts on this many times more motions than are asked for, these alone are solved
         # for
@@ -126,9 +127,7 @@ class ModalSolution:
             return np.linalg.solve(self.yielding, self.resisting @ motions)
         return self.correct @ motions
 
-    def read(
-        self, B: NDArray[np.float64], F: NDArray[np.complex128], places: Sequence[NDArray[np.float64]]
-    ) -> tuple[NDArray[np.complex128], list[NDArray[np.complex128]]]:
+    def read(self, B: Floats, F: Complexes, places: Sequence[Floats]) -> tuple[Complexes, list[Complexes]]:
         """Return Bᵀ Z⁻¹ F and, for the motions P of each of some places, Bᵀ Z⁻¹ P, each (n_freq, n, m).
 
         B is (r, n); F (r, m, n_freq) and P (r, m) are in modal coordinates. The responses of all
@@ -143,12 +142,12 @@ class ModalSolution:
         at = [self._undamped(R, P) - resisted @ self._undamped(U, P) for P in places]
         return moved[:, :n] - resisted @ moved[:, n:], at
 
-    def _undamped(self, A: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def _undamped(self, A: Floats, B: Floats) -> Complexes:
         """Return Aᵀ Z⁻¹ B without local damping, (n_freq, n, m); A (r, n), B (r, m) in modal coordinates."""
         each = (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
         return lines_first(times(each.T, self.inverse).reshape(A.shape[1], B.shape[1], -1))
 
-    def solve(self, B: NDArray[np.float64], *, transposed: bool = False) -> NDArray[np.complex128]:
+    def solve(self, B: Floats, *, transposed: bool = False) -> Complexes:
         """Return Z⁻¹ B or Z⁻ᵀ B in modal coordinates, (r, n, n_freq), for forces B (r, n).
 
         Local damping enters by Woodbury's identity, line by line; only it can make Z unsymmetric.
@@ -166,18 +165,18 @@ class ModalSolution:
         return resisted
 
 
-def times(A: NDArray[np.float64], X: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def times(A: Floats, X: Complexes) -> Complexes:
     """Multiply a real matrix (m, r) with a complex array (r, n, n_freq) over r, by one real product."""
     flat = np.ascontiguousarray(X).reshape(len(X), -1).view(float)
     return (A @ flat).view(complex).reshape(len(A), *X.shape[1:])
 
 
-def lines_first(X: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def lines_first(X: Complexes) -> Complexes:
     """Return a copy of an array over lines (n, m, n_freq) as one matrix for each line, (n_freq, n, m)."""
     return np.ascontiguousarray(np.moveaxis(X, 2, 0))
 
 
-def range_of(matrices: list[NDArray[np.float64]]) -> NDArray[np.float64] | None:
+def range_of(matrices: list[Floats]) -> Floats | None:
     """Return an orthonormal basis of the range of local damping and laws, None without any."""
     sizes = [float(np.abs(X).max()) for X in matrices]
     if max(sizes) == 0:

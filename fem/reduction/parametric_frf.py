@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.referred import References
+from fem.array_types import Complexes, Floats
 from fem.model import Effect, Model, Parameter, ParameterRef
 from fem.recent import Unsent
 from fem.reduction.frf_slopes import FrfSlopes
@@ -21,16 +22,15 @@ from fem.reduction.scaling import scale_factors
 from fem.reduction.series import with_series
 from fem.reduction.terms import STEP, ReducedTerm, combined
 
-_Array = NDArray[np.complex128]
-_Forces = dict[int, NDArray[np.complex128]]
+_Forces = dict[int, Complexes]
 """Forces (m, n_in, n_freq) of parameters, by their rows."""
 
 
-def _side_by_side(forces: _Forces) -> NDArray[np.complex128]:
+def _side_by_side(forces: _Forces) -> Complexes:
     return np.concatenate(list(forces.values()), axis=1)
 
 
-def _add_to(forces: _Forces, i: int, force: NDArray[np.complex128]) -> None:
+def _add_to(forces: _Forces, i: int, force: Complexes) -> None:
     if i in forces:
         forces[i] += force
     else:
@@ -59,7 +59,7 @@ class _ScaledEffect:
         """Rows of its parameters."""
         return tuple(i for i, _ in self.parameters)
 
-    def factors(self, values: NDArray[np.float64]) -> dict[str, float]:
+    def factors(self, values: Floats) -> dict[str, float]:
         """Return the factors of K, M, C and D."""
         return scale_factors(
             (float(values[i]) / nominal, exponents) for i, nominal, exponents in self.foreign
@@ -95,9 +95,9 @@ class ParametricFRF:
     def __init__(
         self,
         reduced: ReducedModel,
-        outputs: NDArray[np.float64],
-        inputs: NDArray[np.float64],
-        frequency: NDArray[np.float64],
+        outputs: Floats,
+        inputs: Floats,
+        frequency: Floats,
         refs: Sequence[ParameterRef],
         candidates: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
@@ -167,15 +167,17 @@ class ParametricFRF:
                 self._scaled.append(scaled)
         self._together = self._linear_together()
         self._n = n
-        self._damped: dict[bool, NDArray[np.float64]] = {}
+        self._damped: dict[bool, Floats] = {}
         # A step that is tried without derivatives is often asked for them next.
-        self._last: tuple[bytes, ModalSolution, _Array, dict[str, Any], list[ReducedTerm], _Array] | None
+        self._last: (
+            tuple[bytes, ModalSolution, Complexes, dict[str, Any], list[ReducedTerm], Complexes] | None
+        )
         self._last = None
-        self._anchor: tuple[NDArray[np.float64], dict[str, Any], list[ReducedTerm]] | None = None
+        self._anchor: tuple[Floats, dict[str, Any], list[ReducedTerm]] | None = None
         # Matrices and their slopes are asked for at the same values, one after the other.
         self._followed = Unsent(1)
 
-    def _linear_together(self) -> list[tuple[list[int], NDArray[np.float64], list[ReducedTerm]]]:
+    def _linear_together(self) -> list[tuple[list[int], Floats, list[ReducedTerm]]]:
         """Return the rows, nominal values and slopes of linear parameters, those at one place together.
 
         Their terms there are summed over few DOFs before they are spread over the basis.
@@ -210,9 +212,7 @@ class ParametricFRF:
                 start = slopes = None
         return _ScaledEffect(effect, parameters, tuple(known), followed, start, slopes)
 
-    def damped_range(
-        self, zeta: NDArray[np.float64], now: Sequence[ReducedTerm]
-    ) -> NDArray[np.float64] | None:
+    def damped_range(self, zeta: Floats, now: Sequence[ReducedTerm]) -> Floats | None:
         """Return an orthonormal basis (r, k) of the range of local damping and laws at any values.
 
         None where it depends on the values; ``now`` are the terms of :meth:`matrices` there.
@@ -264,13 +264,13 @@ class ParametricFRF:
             (factor * f(np.real(self.omega)), term.spread(X)) for f, X in term.laws
         ]
 
-    def _following(self, values: NDArray[np.float64]) -> list[tuple[Effect, Model, list[int], list[int]]]:
+    def _following(self, values: Floats) -> list[tuple[Effect, Model, list[int], list[int]]]:
         """Return the effects of ``_nonlinear``, and the models that they refer to, at some values."""
         out: list[tuple[Effect, Model, list[int], list[int]]]
         out = self._followed.get(values.tobytes(), lambda: self._followed_at(values))
         return out
 
-    def _followed_at(self, values: NDArray[np.float64]) -> list[tuple[Effect, Model, list[int], list[int]]]:
+    def _followed_at(self, values: Floats) -> list[tuple[Effect, Model, list[int], list[int]]]:
         every = {i for _, rows, others in self._nonlinear for i in (*rows, *others)}
         at = {self.refs[i]: float(values[i]) for i in every}
 
@@ -289,7 +289,7 @@ class ParametricFRF:
             for e, rows, others in self._nonlinear
         ]
 
-    def anchor(self, values: NDArray[np.float64]) -> None:
+    def anchor(self, values: Floats) -> None:
         """Keep the sums of all matrices at some values: near them only the terms that differ are added.
 
         For sweeps of one parameter after another. The sums differ from those without it by rounding.
@@ -299,11 +299,7 @@ class ParametricFRF:
         self._anchor = (values, *ParametricFRF.matrices(self, values))
 
     def _matrices_near(
-        self,
-        values: NDArray[np.float64],
-        there: NDArray[np.float64],
-        sums: dict[str, Any],
-        known: list[ReducedTerm],
+        self, values: Floats, there: Floats, sums: dict[str, Any], known: list[ReducedTerm]
     ) -> tuple[dict[str, Any], list[ReducedTerm]]:
         """Return the results of :meth:`matrices` from those ``there``, where no effect is ``_nonlinear``."""
         total, alone, moved = dict(sums), list(known), values != there
@@ -319,11 +315,11 @@ class ParametricFRF:
                 self.add(total, term.scaled(scaled.factors(at)) if scaled.foreign else term, sign)
         return total, alone
 
-    def _beside(self, scaled: _ScaledEffect, values: NDArray[np.float64]) -> dict[ParameterRef, float]:
+    def _beside(self, scaled: _ScaledEffect, values: Floats) -> dict[ParameterRef, float]:
         """Return the values of the parameters of others that an effect follows."""
         return {self.refs[i]: float(values[i]) for i in scaled.followed}
 
-    def _term_of(self, scaled: _ScaledEffect, values: NDArray[np.float64]) -> ReducedTerm:
+    def _term_of(self, scaled: _ScaledEffect, values: Floats) -> ReducedTerm:
         """Return the term of an effect before parameters of others multiply it."""
         term = scaled.start
         if term is None:
@@ -333,7 +329,7 @@ class ParametricFRF:
             term = term.plus(slope, values[i] - begin)
         return term
 
-    def matrices(self, values: NDArray[np.float64]) -> tuple[dict[str, Any], list[ReducedTerm]]:
+    def matrices(self, values: Floats) -> tuple[dict[str, Any], list[ReducedTerm]]:
         """Return the sums of all matrices; and the terms of ``_scaled``, not scaled, and ``_nonlinear``."""
         if self._anchor is not None and not self._nonlinear:
             return self._matrices_near(values, *self._anchor)
@@ -349,16 +345,14 @@ class ParametricFRF:
             self.add(total, alone[-1], 1.0)
         return total, alone
 
-    def with_mass(self, motions: NDArray[np.float64], mass: float) -> "ParametricFRF":
+    def with_mass(self, motions: Floats, mass: float) -> "ParametricFRF":
         """Return the same with a mass [kg] that moves with combinations (r + p, 3) of the basis's columns."""
         out, E = copy(self), motions[self.active]
         out._fixed = {**self._fixed, "M": self._fixed["M"] + mass * (E @ E.T)}
         out._last = out._anchor = None
         return out
 
-    def solve(
-        self, values: NDArray[np.float64], zeta: NDArray[np.float64]
-    ) -> tuple[ModalSolution, dict[str, Any], list[ReducedTerm]]:
+    def solve(self, values: Floats, zeta: Floats) -> tuple[ModalSolution, dict[str, Any], list[ReducedTerm]]:
         """Return the state at some values, and the results of :meth:`matrices` there."""
         total, alone = self.matrices(values)
         damped = self.damped_range(zeta, alone)
@@ -366,23 +360,19 @@ class ParametricFRF:
         state = ModalSolution.of(self.reduced, total, self.omega, zeta, damped, losses, viscous=self.viscous)
         return state, total, alone
 
-    def losses(self, values: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    def losses(self, values: Floats) -> Floats | None:
         """Return small losses X, (r, r), that are not among the matrices and add i X to Z; None without."""
         return None
 
-    def ends(self, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def ends(self, values: Floats) -> tuple[Floats, Floats]:
         """Return outputs (r, n_out) and inputs (r, n_in) at some values."""
         return self.outputs, self.inputs
 
-    def slopes(
-        self, values: NDArray[np.float64], alone: Sequence[ReducedTerm]
-    ) -> list[tuple[int, ReducedTerm]]:
+    def slopes(self, values: Floats, alone: Sequence[ReducedTerm]) -> list[tuple[int, ReducedTerm]]:
         """Return the derivatives of the matrices; ``alone`` are the terms of :meth:`matrices` there."""
         return [*((i, term) for i, _, term in self._linear), *self.moving_slopes(values, alone)]
 
-    def moving_slopes(
-        self, values: NDArray[np.float64], alone: Sequence[ReducedTerm]
-    ) -> list[tuple[int, ReducedTerm]]:
+    def moving_slopes(self, values: Floats, alone: Sequence[ReducedTerm]) -> list[tuple[int, ReducedTerm]]:
         """Return those of the :meth:`slopes` that depend on the values."""
         slopes: list[tuple[int, ReducedTerm]] = []
         for scaled, term in zip(self._scaled, alone, strict=False):
@@ -418,12 +408,12 @@ class ParametricFRF:
             slopes += zip(others, map(self.restrict, each), strict=True)
         return slopes
 
-    def _now(self, effect: Effect, rows: Sequence[int], values: NDArray[np.float64]) -> Effect:
+    def _now(self, effect: Effect, rows: Sequence[int], values: Floats) -> Effect:
         return effect.with_values(**{self.refs[i][1]: float(values[i]) for i in rows})
 
     def evaluate(
-        self, values: NDArray[np.float64], zeta: NDArray[np.float64], gradient: bool = True
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None, NDArray[np.complex128] | None]:
+        self, values: Floats, zeta: Floats, gradient: bool = True
+    ) -> tuple[Complexes, Complexes | None, Complexes | None]:
         """Compute receptances and derivatives.
 
         Z = K (1 + i (η + 2ζ(ω)) + iωβ) + iD + iωC + iωα M - ω²M, with the model's η, α, β; dH = -Hₒ dZ Hᵢ.
@@ -457,9 +447,7 @@ class ParametricFRF:
         dH, by_zeta = self._derivatives(values, zeta, state, Xi, total, alone)
         return self.referred(H), self.referred_slopes(dH, H), self.referred_slopes(by_zeta, H)
 
-    def slopes_of(
-        self, values: NDArray[np.float64], zeta: NDArray[np.float64], units: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], FrfSlopes]:
+    def slopes_of(self, values: Floats, zeta: Floats, units: Floats) -> tuple[Complexes, FrfSlopes]:
         """Return the receptances, and their derivatives by the parameters and, behind them, by ζ.
 
         Parameters
@@ -477,29 +465,27 @@ class ParametricFRF:
         nothing = np.zeros((0, *H.shape[::2]), dtype=np.complex64)
         return H, FrfSlopes(every, len(every), np.zeros(0, dtype=np.int64), nothing)
 
-    def referred(self, H: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def referred(self, H: Complexes) -> Complexes:
         """Return what is read of the receptances of all outputs: themselves without references."""
         return H if self.references is None else self.references.read(H, self.omega)
 
-    def referred_slopes(self, dH: NDArray[Any], H: NDArray[np.complex128]) -> NDArray[Any]:
+    def referred_slopes(self, dH: NDArray[Any], H: Complexes) -> NDArray[Any]:
         """Return the derivatives (…, n_freq, n_out, n_in) of what is read, by those of the receptances."""
         return dH if self.references is None else self.references.slopes(dH, H, self.omega)
 
-    def read(
-        self, values: NDArray[np.float64], state: ModalSolution, Xi: NDArray[np.complex128]
-    ) -> NDArray[np.complex128]:
+    def read(self, values: Floats, state: ModalSolution, Xi: Complexes) -> Complexes:
         """Return the receptances (n_freq, n_out, n_in) of a state with the responses Xi to the inputs."""
         return np.moveaxis(times((state.V.T @ self.ends(values)[0]).T, Xi), 2, 0)
 
     def _derivatives(
         self,
-        values: NDArray[np.float64],
-        zeta: NDArray[np.float64],
+        values: Floats,
+        zeta: Floats,
         state: ModalSolution,
-        Xi: NDArray[np.complex128],
+        Xi: Complexes,
         total: Mapping[str, Any],
         alone: Sequence[ReducedTerm],
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    ) -> tuple[Complexes, Complexes]:
         """Return dH by the parameters and by ζ, from the results of :meth:`solve`."""
         n_par, connections = len(self.refs), zeta.ndim > 1
         everywhere, places = self._slope_forces(self.slopes(values, alone), state, Xi)
@@ -533,8 +519,8 @@ class ParametricFRF:
         }
 
     def _slope_forces(
-        self, slopes: Sequence[tuple[int, ReducedTerm]], state: ModalSolution, Xi: NDArray[np.complex128]
-    ) -> tuple[_Forces, list[tuple[NDArray[np.float64], _Forces]]]:
+        self, slopes: Sequence[tuple[int, ReducedTerm]], state: ModalSolution, Xi: Complexes
+    ) -> tuple[_Forces, list[tuple[Floats, _Forces]]]:
         """Return dZ Hᵢ of the parameters: of those that act everywhere, in modal coordinates, and at places.
 
         With each place stand the motions along which its forces act, (r, m), in modal coordinates. Where

@@ -10,6 +10,7 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Effect, ParameterRef
 from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
@@ -18,9 +19,6 @@ from fem.reduction.terms import ReducedTerm
 
 STACKED = ("K", "M", "C", "D", "connections")
 """Matrices of a :class:`ModeStack`."""
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 def frequency_of(eigenvalue: Any) -> Any:
@@ -80,7 +78,7 @@ class DampedMode:
         return float(self.eigenvalue.imag / (2 * max(self.eigenvalue.real, 1e-300)))
 
 
-def n_rigid_of(eigenvalues: Floats, most: int) -> NDArray[np.int64]:
+def n_rigid_of(eigenvalues: Floats, most: int) -> Ints:
     """Return how many of the lowest of ``most`` eigenvalues (..., r) are those of rigid bodies.
 
     There are fewer where something holds the structure.
@@ -91,7 +89,7 @@ def n_rigid_of(eigenvalues: Floats, most: int) -> NDArray[np.int64]:
 
 
 def with_strong_damping(
-    A: Complexes, S: Floats, eigenvalues: Floats, modes: NDArray[np.int64]
+    A: Complexes, S: Floats, eigenvalues: Floats, modes: Ints
 ) -> tuple[Complexes, Complexes]:
     """Return eigenvalues (c,) and vectors (c, r) of A, each near an undamped mode.
 
@@ -326,7 +324,7 @@ class ModesAt:
             self._known[key] = Pairs(one.eigenvalues[0], one.vectors[0], one.shapes[0], int(one.n_rigid[0]))
         return self._known[key]
 
-    def damped(self, partner: NDArray[np.int64]) -> list[DampedMode | None]:
+    def damped(self, partner: Ints) -> list[DampedMode | None]:
         """Return modes of :meth:`pairs` with their damping, one at each frequency.
 
         Parameters
@@ -385,7 +383,7 @@ class ModesAt:
             each = each * np.array([factor for _, factor, _ in parts])[:, None, at]
             order = np.argsort([p for p, _, _ in parts], kind="stable")
             rows, first = np.unique([parts[k][0] for k in order], return_index=True)
-            forces = np.add.reduceat(each[order], first, axis=0)
+            forces: Complexes = np.add.reduceat(each[order], first, axis=0)
             by[rows] += (u * forces).sum(axis=1)
             if not self.outputs.shape[1]:
                 continue
@@ -486,7 +484,7 @@ class ModeStack:
         return {}
 
     @cached_property
-    def _solved(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    def _solved(self) -> tuple[Floats, Floats, Bools]:
         K, M, inverse = self.total["K"], self.total["M"], np.zeros_like(self.total["M"])
         if self.laws:
             K = K + self._stiffness_of_laws(0)
@@ -519,12 +517,12 @@ class ModeStack:
         return self._solved[1]
 
     @property
-    def is_structure(self) -> NDArray[np.bool_]:
+    def is_structure(self) -> Bools:
         """Whether there is a structure: none where more mass is taken away than there is, (n,)."""
         return self._solved[2]
 
     @property
-    def n_rigid(self) -> NDArray[np.int64]:
+    def n_rigid(self) -> Ints:
         """Number of modes that move as a rigid body, (n,)."""
         return n_rigid_of(self.eigenvalues, self.reduced.basis.n_rigid)
 
@@ -533,7 +531,7 @@ class ModeStack:
         """Undamped modes at the outputs, (n, n_out, r)."""
         return self.outputs.transpose(0, 2, 1) @ self.vectors
 
-    def rows(self, a: NDArray[np.int64], i: NDArray[np.int64]) -> tuple[Floats, NDArray[np.int64], Floats]:
+    def rows(self, a: Ints, i: Ints) -> tuple[Floats, Ints, Floats]:
         """Return eigenvalues, ``n_rigid`` and shapes of all modes of sets a at the frequencies of modes i."""
         if not self.laws:
             return self.eigenvalues[a], self.n_rigid[a], self.shapes[a]
@@ -544,7 +542,7 @@ class ModeStack:
         )
         return np.stack(lam), np.array(rigid), np.stack(shapes)
 
-    def damped(self, partner: NDArray[np.int64]) -> tuple[Complexes, NDArray[Any]]:
+    def damped(self, partner: Ints) -> tuple[Complexes, NDArray[Any]]:
         """Return the eigenvalues (n, n_modes) and vectors (n, n_modes, r) of modes with their damping.
 
         NaN and 0 where there is none.
@@ -560,7 +558,7 @@ class ModeStack:
         each = [self.at_frequency(i)._damped(partner[:, [i]], modes[[i]]) for i in modes.tolist()]
         return np.hstack([lam for lam, _ in each]), np.concatenate([x for _, x in each], axis=1)
 
-    def _damped(self, partner: NDArray[np.int64], modes: NDArray[np.int64]) -> tuple[Complexes, NDArray[Any]]:
+    def _damped(self, partner: Ints, modes: Ints) -> tuple[Complexes, NDArray[Any]]:
         members, connections, mass = (factor[modes] for factor in self.damping)
         there, k = partner >= 0, np.maximum(partner, 0)
         x = np.take_along_axis(self.vectors, k[:, None], axis=2)
@@ -588,9 +586,7 @@ class ModeStack:
                 first[a, i], out[a, i] = values, moved
         return np.where(there, first, np.nan), out
 
-    def _followed(
-        self, a: NDArray[np.int64], i: NDArray[np.int64], k: NDArray[np.int64]
-    ) -> tuple[Complexes, Complexes]:
+    def _followed(self, a: Ints, i: Ints, k: Ints) -> tuple[Complexes, Complexes]:
         """Return modes k of sets a with strong local damping at frequencies i."""
         members, connections, mass = (factor[i] for factor in self.damping)
         some, row = np.unique(a, return_inverse=True)

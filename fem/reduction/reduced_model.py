@@ -15,6 +15,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.analysis.basis import Basis, reduced_basis, without_modes
+from fem.array_types import Floats, Ints
 from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
 from fem.recent import Recent, Unsent
 from fem.reduction.scaling import scaling_exponents
@@ -74,7 +75,7 @@ class FullModelResults:
 
     exponents: dict[tuple[str, ParameterRef], Mapping[str, int] | None] = field(default_factory=dict)
     matrices: dict[tuple[str, str], Any] = field(default_factory=dict)
-    flexibility: dict[tuple[bytes, bytes], NDArray[np.float64]] = field(default_factory=dict)
+    flexibility: dict[tuple[bytes, bytes], Floats] = field(default_factory=dict)
     sums: dict[str, Sums] = field(default_factory=dict)
     local: Unsent = field(default_factory=lambda: Unsent(_LOCAL))
 
@@ -93,11 +94,11 @@ class Lacking:
         TᵀKu and TᵀMu of the basis's vectors without those that open constraints.
     """
 
-    motion: NDArray[np.float64]
-    K: NDArray[np.float64]
-    M: NDArray[np.float64]
-    coupling_K: NDArray[np.float64]
-    coupling_M: NDArray[np.float64]
+    motion: Floats
+    K: Floats
+    M: Floats
+    coupling_K: Floats
+    coupling_M: Floats
 
 
 @dataclass(eq=False)
@@ -125,7 +126,7 @@ class ReducedModel:
     # parameters.
     _terms: dict[tuple[str, str], ReducedTerm] = field(default_factory=dict, init=False, repr=False)
     # Of effects of the model that are sums over their parameters: the fixed matrices of these.
-    _summed: dict[str, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
+    _summed: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)
     # Of effects that act on much of the model, by all their fields: projected matrices; by all but one: those
     # for a unit of that one.
     _units: Unsent = field(default_factory=lambda: Unsent(_UNITS), init=False, repr=False)
@@ -150,9 +151,7 @@ class ReducedModel:
         """Values of all parameters of the model."""
         return self.model.values()
 
-    def projected(
-        self, key: Hashable, make: Callable[[], NDArray[np.float64]]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def projected(self, key: Hashable, make: Callable[[], Floats]) -> tuple[Floats, Floats]:
         """Return vectors on all DOFs and their products with the basis, (n_dof, n) and (r + p, n).
 
         Every fit, screening and forecast on this model reads the same sensors.
@@ -165,7 +164,7 @@ class ReducedModel:
             Gives the vectors where they are not known yet.
         """
 
-        def both() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        def both() -> tuple[Floats, Floats]:
             vectors = make()
             return vectors, self.basis.T.T @ vectors
 
@@ -243,16 +242,14 @@ class ReducedModel:
         out[old:new] = (full.T @ fresh).T @ T
         return out
 
-    def with_shapes(self, shapes: NDArray[np.float64], share: float = 0.0) -> "ReducedModel":
+    def with_shapes(self, shapes: Floats, share: float = 0.0) -> "ReducedModel":
         """Return the model with more shapes (n_dof, n) in its basis, such as responses at frequencies.
 
         Directions that are less than a ``share`` of them are left out.
         """
         return self._on(self.basis.with_shapes(self.system, shapes, share))
 
-    def residual_flexibility(
-        self, dofs: NDArray[np.int64], motions: NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
+    def residual_flexibility(self, dofs: Ints, motions: Floats) -> Floats | None:
         """Return the static flexibility that the basis lacks to motions (m, k) of some DOFs, (k, k).
 
         R = Sᵀ [Q (K - σM)⁻¹ Qᵀ - T (Tᵀ(K - σM)T)⁻¹ Tᵀ] S with the basis's shift, S the motions. None for
@@ -273,7 +270,7 @@ class ReducedModel:
         full = motions.T @ known[key] @ motions if few else known[key]
         return full - T @ self._static_flexibility @ T.T
 
-    def lacking(self, dofs: NDArray[np.int64], motions: NDArray[np.float64]) -> Lacking | None:
+    def lacking(self, dofs: Ints, motions: Floats) -> Lacking | None:
         """Return the static responses to forces by motions (m, k) of some DOFs that the basis lacks.
 
         Where something gives way, they say more than their flexibility alone: what moves then has mass. None
@@ -283,7 +280,7 @@ class ReducedModel:
             return None
         return self._lacking.get((dofs.tobytes(), motions.tobytes()), lambda: self._lacks(dofs, motions))
 
-    def _lacks(self, dofs: NDArray[np.int64], motions: NDArray[np.float64]) -> Lacking | None:
+    def _lacks(self, dofs: Ints, motions: Floats) -> Lacking | None:
         b, system = self.basis, self.system
         force = np.asarray(system.Q.T.tocsc()[:, dofs] @ motions)
         force = without_modes(system, b.V[:, : b.n_modes], force)
@@ -303,7 +300,7 @@ class ReducedModel:
         return Lacking(motion, np.eye(len(lam)) + b.shift * M, M, b.shift * coupling, coupling)
 
     @cached_property
-    def _static_flexibility(self) -> NDArray[np.float64]:
+    def _static_flexibility(self) -> Floats:
         """(K - σM)⁻¹ of the basis's vectors other than modes and constraints."""
         others, total = slice(self.basis.n_modes, self.basis.n_main), self.base_sum
         inverse: Any = np.linalg.inv((total["K"] - self.basis.shift * total["M"])[others, others])
@@ -456,7 +453,7 @@ class ReducedModel:
             self.full.sums[effect.name] = Sums.of(effect, self.model)
         return self.full.sums[effect.name]
 
-    def _sum(self, effect: Effect, factors: NDArray[np.float64], which: slice = _ALL) -> ReducedTerm:
+    def _sum(self, effect: Effect, factors: Floats, which: slice = _ALL) -> ReducedTerm:
         """Return the sum of some of an effect's fixed matrices multiplied by factors."""
         sums, T = self.full.sums[effect.name], self.basis.T
         if effect.name not in self._summed:
@@ -466,9 +463,9 @@ class ReducedModel:
         K, M, D = (by_key @ matrices.reshape(len(keys), -1)).reshape(3, *matrices.shape[1:])
         return ReducedTerm(None, K, M, None, D if "D" in keys else None)
 
-    def _rows(self, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _rows(self, dofs: Ints) -> Floats:
         """Return the basis at some DOFs."""
-        rows: NDArray[np.float64] = self._dofs.get(dofs.tobytes(), lambda: self.basis.T[dofs])
+        rows: Floats = self._dofs.get(dofs.tobytes(), lambda: self.basis.T[dofs])
         return rows
 
     def _unit(self, effect: Effect) -> tuple[ReducedTerm, float] | None:
@@ -559,7 +556,7 @@ class ReducedModel:
         return {e.name: self._terms[e.name, ""] for e in self.model.effects}
 
     @cached_property
-    def base_sum(self) -> dict[str, NDArray[np.float64]]:
+    def base_sum(self) -> dict[str, Floats]:
         """The sums of all effects' matrices at nominal values.
 
         ``connections`` is the part of K that belongs to connections.
@@ -570,12 +567,12 @@ class ReducedModel:
         return total
 
     @cached_property
-    def main_modes(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def main_modes(self) -> tuple[Floats, Floats]:
         """λ and shapes of the nominal model with all its constraints, on the basis."""
         total, m = self.base_sum, self.basis.n_main
         return sla.eigh(total["K"][:m, :m], total["M"][:m, :m])
 
-    def impedance(self, key: tuple[str, str], omega2: NDArray[np.float64]) -> float:
+    def impedance(self, key: tuple[str, str], omega2: Floats) -> float:
         """Return the median of force over displacement along a released constraint, for some ω².
 
         In [N/m, N·m/rad].
@@ -592,7 +589,7 @@ class ReducedModel:
         return float(1 / np.median(1 / np.abs(Z)))
 
     @cached_property
-    def base_laws(self) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[np.float64]]]:
+    def base_laws(self) -> list[tuple[Callable[[Floats], NDArray[Any]], Floats]]:
         """The factors and matrices of all effects that depend on frequency."""
         return [(f, t.spread(X)) for t in self.base.values() for f, X in t.laws]
 
@@ -614,9 +611,9 @@ def _content(effect: Effect, but: str = "") -> Hashable:
     return key
 
 
-def _congruent(T: NDArray[np.float64], parts: Sequence[Contribution], key: str) -> NDArray[np.float64] | None:
+def _congruent(T: Floats, parts: Sequence[Contribution], key: str) -> Floats | None:
     """Return Σ Tᵀ X T of one matrix of contributions with few elements, by these; None where none has it."""
-    out: NDArray[np.float64] | None = None
+    out: Floats | None = None
     for c in parts:
         if (X := getattr(c, key)) is not None and X.any():
             rows = T[c.dofs]
@@ -625,7 +622,7 @@ def _congruent(T: NDArray[np.float64], parts: Sequence[Contribution], key: str) 
     return out
 
 
-def _sums_over_pairs(T: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+def _sums_over_pairs(T: Floats, rows: Ints) -> Floats:
     """Return Σ_e T_eiᵀ T_ej, and its transpose with it where i ≠ j, for each pair i ≤ j of elements' DOFs.
 
     ``rows`` (n_elements, m) are the DOFs of the elements; the result is (m (m + 1)/2, r + p, r + p).
@@ -642,7 +639,7 @@ def _sums_over_pairs(T: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray
 
 def reduce_model(
     model: Model,
-    forces: NDArray[np.float64],
+    forces: Floats,
     max_frequency: float,
     *,
     margin: float = 2.0,
@@ -671,9 +668,7 @@ def reduce_model(
     return ReducedModel(model, basis, system)
 
 
-def values_of(
-    model: Model, refs: Sequence[ParameterRef], candidates: Sequence[Effect] = ()
-) -> NDArray[np.float64]:
+def values_of(model: Model, refs: Sequence[ParameterRef], candidates: Sequence[Effect] = ()) -> Floats:
     """Return the present values of parameters of a model's effects or of candidates."""
     effects: Mapping[str, Effect] = {e.name: e for e in (*model.effects, *candidates)}
     return np.array([parameter_values(effects[n])[q] for n, q in refs], dtype=float)

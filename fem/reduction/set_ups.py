@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats, Ints
 from fem.reduction.frf_slopes import FrfSlopes
 from fem.reduction.parametric_frf import ParametricFRF
 
@@ -25,8 +25,8 @@ class SetUp:
         [kg].
     """
 
-    rows: NDArray[np.int64]
-    motions: NDArray[np.float64]
+    rows: Ints
+    motions: Floats
     mass: float
 
 
@@ -48,17 +48,15 @@ class SetUpsFRF:
         self._loaded = [(s.rows, engine.with_mass(s.motions, s.mass)) for s in set_ups]
 
     def evaluate(
-        self, values: NDArray[np.float64], zeta: NDArray[np.float64], gradient: Literal[False] = False
-    ) -> tuple[NDArray[np.complex128], None, None]:
+        self, values: Floats, zeta: Floats, gradient: Literal[False] = False
+    ) -> tuple[Complexes, None, None]:
         """Compute receptances, as of :meth:`ParametricFRF.evaluate`; derivatives by :meth:`slopes_of`."""
         H = np.array(self.engine.evaluate(values, zeta, gradient=False)[0])
         for rows, engine in self._loaded:
             H[:, rows] = engine.evaluate(values, zeta, gradient=False)[0][:, rows]
         return H, None, None
 
-    def slopes_of(
-        self, values: NDArray[np.float64], zeta: NDArray[np.float64], units: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], FrfSlopes]:
+    def slopes_of(self, values: Floats, zeta: Floats, units: Floats) -> tuple[Complexes, FrfSlopes]:
         """Return receptances and derivatives, as of :meth:`ParametricFRF.slopes_of`."""
         H, slopes = self.engine.slopes_of(values, zeta, units)
         H = np.array(H)
@@ -67,7 +65,7 @@ class SetUpsFRF:
             H[:, rows], slopes = part[:, rows], slopes.with_outputs(rows, theirs)
         return H, slopes
 
-    def anchor(self, values: NDArray[np.float64]) -> None:
+    def anchor(self, values: Floats) -> None:
         """Keep the sums of all matrices at some values, as :meth:`ParametricFRF.anchor`."""
         for engine in (self.engine, *(e for _, e in self._loaded)):
             engine.anchor(values)

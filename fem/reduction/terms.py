@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.model import Contribution
 
 STEP = 1e-200
@@ -36,13 +37,13 @@ class ReducedTerm:
         Ratio of the stiffness of the member there to its nominal one [-].
     """
 
-    L: NDArray[np.float64] | None
+    L: Floats | None
     K: NDArray[Any] | None
     M: NDArray[Any] | None
     C: NDArray[Any] | None
     D: NDArray[Any] | None
-    laws: tuple[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[Any]], ...] = ()
-    dofs: NDArray[np.int64] | None = None
+    laws: tuple[tuple[Callable[[Floats], NDArray[Any]], NDArray[Any]], ...] = ()
+    dofs: Ints | None = None
     connection: bool = False
     stiffer: float = 1.0
 
@@ -94,7 +95,7 @@ class ReducedTerm:
         return present + [(f(np.real(omega)), X) for f, X in self.laws if X.any()]
 
 
-def combined(terms: Sequence[ReducedTerm], factors: NDArray[np.float64]) -> ReducedTerm:
+def combined(terms: Sequence[ReducedTerm], factors: Floats) -> ReducedTerm:
     """Return the sum of terms on the same coordinates, each multiplied by a factor."""
     first, *others = terms
     out = first.times(float(factors[0]))
@@ -128,13 +129,13 @@ def acting(c: Contribution) -> Contribution:
 
 def law_parts(
     c: Contribution, imaginary: bool
-) -> list[tuple[Callable[[NDArray[np.float64]], NDArray[Any]], NDArray[Any]]]:
+) -> list[tuple[Callable[[Floats], NDArray[Any]], NDArray[Any]]]:
     """Return the terms that a law adds to the static stiffness, or their derivatives by the product rule."""
     law, K = c.law, c.K
     assert law is not None
     assert K is not None
 
-    def change(omega: NDArray[np.float64], step: bool) -> NDArray[Any]:
+    def change(omega: Floats, step: bool) -> NDArray[Any]:
         storage, loss = law(omega)
         storage = storage - law(np.zeros(1))[0][0]
         real, imag = real_or_slope(storage, step), real_or_slope(loss, step)
@@ -146,9 +147,7 @@ def law_parts(
     return out
 
 
-def motions_of(
-    matrices: list[NDArray[np.float64]],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def motions_of(matrices: list[Floats]) -> tuple[Floats, Floats, Floats]:
     """Return S (m, k) and S⁺ (k, m) for symmetric matrices: a basis of all their ranges, and its inverse.
 
     Rows are scaled by the diagonals, so that soft directions count as much as stiff ones, and rotations as
