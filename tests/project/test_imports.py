@@ -26,8 +26,8 @@ MAY_IMPORT = {
         dovetail.report dovetail.report.office dovetail.report.table
         updating updating.correlation updating.inference updating.measurement updating.quality
         fem.analysis fem.array_types fem.chains fem.checks fem.connection_damping fem.declarations
-        fem.directions fem.effects fem.elements fem.ground fem.io fem.laws fem.lengths fem.linalg fem.materials
-        fem.matrices
+        fem.directions fem.effects fem.elements fem.ground fem.io fem.laws fem.lengths fem.linalg
+        fem.materials fem.matrices
         fem.mesh fem.model fem.plausibility fem.recent fem.sections fem.summary fem.system fem.tabulated
         numpy scipy scipy.linalg scipy.sparse threadpoolctl
         """,
