@@ -385,13 +385,13 @@ class ModesAt:
             each = each * np.array([factor for _, factor, _ in parts])[:, None, at]
             order = np.argsort([p for p, _, _ in parts], kind="stable")
             rows, first = np.unique([parts[k][0] for k in order], return_index=True)
-            forces = np.add.reduceat(each[order], first, axis=0)
+            forces: Complexes = np.add.reduceat(each[order], first, axis=0)
             by[rows] += (u * forces).sum(axis=1)
             if not self.outputs.shape[1]:
                 continue
             moved = (mixing if L is None else mixing @ L.T).transpose(0, 2, 1)
-            forces = np.ascontiguousarray(forces.transpose(2, 0, 1))
-            shapes[:, rows] += forces.real @ moved + 1j * (forces.imag @ moved)
+            of_mode: Complexes = np.ascontiguousarray(forces.transpose(2, 0, 1))
+            shapes[:, rows] += of_mode.real @ moved + 1j * (of_mode.imag @ moved)
         return by, list(shapes)
 
     def _mixing(self, modes: Sequence[tuple[int, int, DampedMode]]) -> Floats:
