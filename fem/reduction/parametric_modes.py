@@ -388,8 +388,8 @@ class ModesAt:
             if not self.outputs.shape[1]:
                 continue
             moved = (mixing if L is None else mixing @ L.T).transpose(0, 2, 1)
-            forces = np.ascontiguousarray(forces.transpose(2, 0, 1))
-            shapes[:, rows] += forces.real @ moved + 1j * (forces.imag @ moved)
+            of_mode: Complexes = np.ascontiguousarray(forces.transpose(2, 0, 1))
+            shapes[:, rows] += of_mode.real @ moved + 1j * (of_mode.imag @ moved)
         return by, list(shapes)
 
     def _mixing(self, modes: Sequence[tuple[int, int, DampedMode]]) -> Floats:
