@@ -17,7 +17,8 @@ from benchmarks.validation.evidence import at_truth, decibels
 from dovetail import load_study
 from dovetail.file import without_held_out
 from dovetail.file.contents import measured
-from updating.diagnosis.evidence import search_by_evidence
+from updating.diagnosis.evidence import prepare_search, search_of_problem
+from updating.diagnosis.evidence import searched as run_search
 
 
 def searched(case, folder, say=lambda text: None):
@@ -27,7 +28,7 @@ def searched(case, folder, say=lambda text: None):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(convert(nominal, case, path), encoding="utf-8")
     study = load_study(path)
-    return search_by_evidence(
+    prepared = prepare_search(
         study.model,
         without_held_out(study, measured(study)[0]),
         study.nuisances,
@@ -36,7 +37,9 @@ def searched(case, folder, say=lambda text: None):
         kinds=study.kinds,
         exclude=study.exclude,
         model_error=study.model_error,
-        progress=lambda text, _: say(text),
+    )
+    return run_search(
+        search_of_problem(*prepared, progress=lambda text, _: say(text)), lambda text, _: say(text)
     )
 
 

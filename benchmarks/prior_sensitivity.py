@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.evidence_cases import searched
 from benchmarks.independent.table import CASES, hidden_effects
-from updating.diagnosis.evidence import Fits, Hypothesis, Searched, values_of
+from updating.diagnosis.evidence import Fits, ScoredFit, Searched, values_of
 from updating.inference import belief, effect_priors
 
 FACTORS = 0.5, 2.0
@@ -94,7 +94,7 @@ def again(done: Searched, fits: Fits) -> Answer:
     kept = [h for h in known if h.score > known[0].score - WITHIN][:N_AGAIN]
     nothing = done.search.known[frozenset()]
     kept += [] if nothing in kept else [nothing]
-    fitted: list[Hypothesis] = [fits.fully(h.effects, values_of(h.effects), h) for h in kept]
+    fitted: list[ScoredFit] = [fits.fully(h.effects, values_of(h.effects), h) for h in kept]
     best = max(fitted, key=lambda h: h.score)
     scores = np.array([*(h.score for h in fitted), done.search.unknown(best)])
     before = next(h for h in fitted if h.key == known[0].key)

@@ -1,9 +1,8 @@
 """Results for other programs: a study's model, or what was found of it, as a deck."""
 
-import json
 import math
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.file.contents import SourceDeck, StudyContents
+from dovetail.file.estimates import estimate_key
 from dovetail.file.table import StudyError
 from dovetail.report import words
 from dovetail.result import program_version
@@ -32,7 +32,7 @@ from fem.io.nastran_changes import nastran_changes
 from fem.io.nastran_write import nastran_text
 from fem.io.source_changes import DeckEdit
 from fem.lengths import shown_length
-from fem.model import Model, ParameterRef, parameter_values
+from fem.model import Model, ParameterRef
 from fem.system import assemble
 from updating.diagnosis.evidence.places import place_of
 from updating.diagnosis.findings import EffectParameter, scale_of
@@ -48,7 +48,6 @@ CHANGES: Mapping[str, Callable[[ModelDeck, Path, DeckUnits], DeckEdit]] = {
     "ansys": ansys_changes,
 }
 """Writers of cards that change a deck."""
-RESULT = "result.json"
 OF_THE_TEST = (SensorForm, DriverForm, SensorMass, DriverMass, Stinger)
 """Effects of instruments, which the structure does not have."""
 
@@ -106,12 +105,13 @@ def exported_deck(
         If cards for what was found are asked for, and the study has no effects and no fitted values.
     """
     if whole:
-        found = _effects(study, _result(study), whole=True)[0]
+        found = _effects(study, whole=True)[0]
         lines = (f"model of {_head(study)}", *_lines(found))
         return _titled(deck_of(study.model, study.name), found), lines
-    one = exported(study, effects_only=effects_only)
+    nodes = study.model.mesh.points if effects_only else None
+    one = exported(study, effects_only=effects_only, nodes=nodes)
     if not one.found and one.model is one.before:
-        values = "" if effects_only else f", and no {RESULT} with fitted values is next to it"
+        values = "" if effects_only else ", and no fitted values in [estimates]"
         raise StudyError(_no_effects(study, one, f"{values}; --whole exports the model"))
     deck = changed_deck(deck_of(one.model, study.name), deck_of(one.before, study.name))
     deck = _titled(deck, one.found)
@@ -198,8 +198,8 @@ def exported(
     are at the nearest of the deck's ``nodes`` (n, 3) [m] that is within the standard deviation of their
     position: no element need then be divided.
     """
-    result = _result(study)
-    (found, zero, std), nominal = _effects(study, result), _nominal(study.model, result)
+    found, usual, std = _effects(study)
+    fitted = _fitted(study, found)
     placed = {} if nodes is None else _at_nodes(study.model, std, nodes)
     head = _head(study)
     out = {
@@ -207,14 +207,13 @@ def exported(
         if isinstance(e, OF_THE_TEST)
         else "uncertain form"
         if effects_only
-        else "uncertain form that is zero within its standard deviation"
+        else "form within its usual range"
         for e in study.model.effects
         if isinstance(e, OF_THE_TEST)
-        or (e.is_form and (effects_only or len(zero.get(e.name, {})) == len(e.parameters())))
+        or (e.is_form and (effects_only or len(usual.get(e.name, {})) == len(e.parameters())))
     }
-    left = {(name, p): absent for name, of in zero.items() if name not in out for p, absent in of.items()}
+    left = {(name, p): absent for name, of in usual.items() if name not in out for p, absent in of.items()}
     model = study.model.without_effect(*out).with_values(left)
-    fitted = {ref: each for ref, each in nominal.items() if ref[0] not in found}
     # a part has its model in the other program: change that, rather than add thousands of entries to it
     parts = {e.name for e in model.effects if e.reduced_part}
     sure = {ref: each for ref, each in fitted.items() if each.sure and not effects_only}
@@ -239,12 +238,11 @@ def exported(
         for ref, each in sure.items()
         if ref not in moved
     ]
-    if unsure := [*(ref for ref in fitted if ref not in sure), *left]:
-        names = ", ".join(f"{e} {p}" for e, p in unsure)
-        why = (
-            "as before the fit" if effects_only else "fitted within a standard deviation of the value before"
-        )
-        notes.append(f"not in this file, {why}: {names}")
+    near = "as before the fit" if effects_only else "fitted within a standard deviation of the value before"
+    unsure = [ref for ref in fitted if ref not in sure]
+    for why, refs in ((near, unsure), ("form within its usual range", left)):
+        if refs:
+            notes.append(f"not in this file, {why}: {', '.join(f'{e} {p}' for e, p in refs)}")
     lines = (f"found by {head}", *_lines(found), *(f"{ref[0]}: {each.text}" for ref, each in moved.items()))
     return Exported(model, before if found or moved else model, found, lines, tuple(notes))
 
@@ -286,68 +284,49 @@ def _titled(deck: ModelDeck, found: Mapping[str, str]) -> ModelDeck:
     return replace(deck, **{key: tuple(named(item) for item in getattr(deck, key)) for key in keys})
 
 
-def _result(study: StudyContents) -> dict[str, Any]:
-    """Return the result in a study's folder, empty without one."""
-    path = study.path.parent / RESULT
-    try:
-        found = json.loads(path.read_text("utf-8")) if path.is_file() else {}
-    except ValueError as reason:
-        msg = f"{path}: it is no result of dovetail run ({reason})"
-        raise StudyError(msg) from reason
-    return found if isinstance(found, dict) else {}
-
-
 def _effects(
-    study: StudyContents, result: Mapping[str, Any], *, whole: bool = False
+    study: StudyContents, *, whole: bool = False
 ) -> tuple[dict[str, str], dict[str, dict[str, float]], dict[ParameterRef, float]]:
-    """Return the values of a study's [[effects]] and [fitted_form] in words by name, with ± of a result.
+    """Return the values of a study's [[effects]] and [fitted_form] in words by name, with ± of [estimates].
 
-    The second value has by name the parameters of forms that are zero within a standard deviation, each with
-    its value of no effect; the words leave them out. ``whole`` leaves nothing out. The third has the standard
-    deviations, NaN where the result has none.
+    The second value has by name the parameters of forms that are within their usual range, so that no
+    report names them, each with its value of no effect; the words leave them out. ``whole`` leaves nothing
+    out. The third has the standard deviations, NaN where the study has none.
     """
-    std = {
-        (e["name"], p["name"]): p["std"]
-        for e in result.get("effects", [])
-        for p in e["parameters"]
-        if p["std"]
-    }
-    std |= {tuple(u["name"].rsplit(".", 1)): u["std"] for u in result.get("uncertain", []) if u["std"]}
     out: dict[str, str] = {}
-    zero: dict[str, dict[str, float]] = {}
+    usual: dict[str, dict[str, float]] = {}
     stds: dict[ParameterRef, float] = {}
     tree = tomllib.loads(study.text)
     added = [(t.get("name", f"known {t['candidate']}"), t["candidate"]) for t in tree.get("effects", [])]
     for name, candidate in (*added, *((f"known {form}", form) for form in tree.get("fitted_form", {}))):
         effect = study.model.effect(name)
-        known = [(p, std.get((candidate, p.name), math.nan)) for p in effect.parameters()]
-        stds |= {(name, p.name): error for p, error in known}
-        zero[name] = {
+        known = [(p, study.estimates.get(estimate_key(candidate, p.name))) for p in effect.parameters()]
+        stds |= {(name, p.name): math.nan if e is None else e.std for p, e in known}
+        usual[name] = {
             p.name: p.absent
-            for p, error in known
-            if effect.is_form and not whole and abs(p.value - p.absent) <= error
+            for p, e in known
+            if effect.is_form and not whole and e is not None and not e.outside
         }
         values = [
-            words.parameter_text(EffectParameter(p.name, p.value, p.unit, error, scale=scale_of(p)), p)
-            for p, error in known
-            if p.name not in zero[name]
+            words.parameter_text(
+                EffectParameter(p.name, p.value, p.unit, stds[name, p.name], scale=scale_of(p)), p
+            )
+            for p, _ in known
+            if p.name not in usual[name]
         ]
         out[name] = f"{effect.where}: {', '.join(values)}"
-    return out, zero, stds
+    return out, usual, stds
 
 
-def _nominal(model: Model, result: Mapping[str, Any]) -> dict[ParameterRef, Fitted]:
-    """Return the parameters that a run has fitted."""
-    refs = {f"{effect}.{parameter}": (effect, parameter) for effect, parameter in model.values()}
+def _fitted(study: StudyContents, added: Collection[str]) -> dict[ParameterRef, Fitted]:
+    """Return the parameters that fits have changed, but for those of effects that were added."""
     out = {}
-    for u in result.get("uncertain", []):
-        ref = refs.get(u["name"])
-        # not fitted: an effect that was found replaces it
-        if ref is None or u["nominal"] is None or u["fitted"] in (None, u["nominal"]):
-            continue
-        value = parameter_values(model.effect(ref[0]))[ref[1]]
-        std = math.nan if u["std"] is None else u["std"]
-        text = words.with_unit(value, u["unit"], std)
-        text = f"{ref[1]} {text} instead of {words.with_unit(u['nominal'], u['unit'])}"
-        out[ref] = Fitted(u["nominal"], text, not abs(value - u["nominal"]) <= std)
+    for effect in (e for e in study.model.effects if e.name not in added and not e.is_form):
+        for p in effect.parameters():
+            e = study.estimates.get(estimate_key(effect.name, p.name))
+            if e is None or math.isnan(e.before) or e.before == p.value:
+                continue
+            text = words.with_unit(p.value, p.unit, e.std)
+            text = f"{p.name} {text} instead of {words.with_unit(e.before, p.unit)}"
+            out[effect.name, p.name] = Fitted(e.before, text, not abs(p.value - e.before) <= e.std)
     return out

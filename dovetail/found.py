@@ -1,7 +1,7 @@
 """``found.toml``: the study with the model that a run reports, ready to be compared, run and updated."""
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from dovetail.file.channel_errors import channel_error_values
 from dovetail.file.config import StudyContents
 from dovetail.file.effects import written_values
+from dovetail.file.estimates import FittedEstimate, estimate_key, merged, with_estimates
 from dovetail.file.faults import fault_table
 from dovetail.file.paths import with_paths
 from dovetail.file.toml import toml_comment, with_values
@@ -22,15 +23,26 @@ from dovetail.file.writing import (
     with_parameters,
 )
 from dovetail.report.words import fault_text
-from dovetail.result import FRFS, RunResult, by_frfs, by_modes_alone
+from dovetail.result import (
+    FRFS,
+    RunResult,
+    UncertainValue,
+    by_frfs,
+    by_modes_alone,
+    uncertain_parameters,
+    uncertain_values,
+)
 from fem.effects.joint import Spread
 from fem.model import Damping, Effect, Model, ParameterRef
 from updating.diagnosis.baseline import uncommon
+from updating.diagnosis.departures import Departure, departures
+from updating.diagnosis.findings import EffectParameter, parameters_of
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.verdict import Verdict
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitted_damping import Connections, fitted_damping
+from updating.inference.problem import Problem
 from updating.measurement.measurement import Measurement
 from updating.quality.corrections import Fault
 
@@ -53,7 +65,14 @@ def found_text(result: RunResult[Verdict], folder: Path) -> str:
         return mode_found_text(result.study, d, folder)
     assert by_frfs(d)
     effects, found = (*patches(result), *form(result)), tuple(f.effect for f in d.findings)
-    fit = result.study, folder / FRFS, d.problem, d.steps[-1].result, d.model
+    fit = (
+        result.study,
+        folder / FRFS,
+        d.problem,
+        d.steps[-1].result,
+        d.model,
+        estimates_in(d, result.uncertain),
+    )
     if d.baseline is not None:  # faults of the second state alone are not those of the baseline
         text = fitted_text(*fit, effects, d.baseline.faults, found)
     else:
@@ -68,6 +87,7 @@ def fitted_text(
     problem: FitProblem,
     result: FitResult,
     model: Model,
+    estimates: Mapping[str, FittedEstimate],
     effects: Sequence[Effect],
     faults: Sequence[Fault],
     changes: Sequence[Effect] = (),
@@ -84,6 +104,7 @@ def fitted_text(
         Values of uncertain parameters and damping.
     model : Model
         The full model with them and with all effects.
+    estimates : mapping of str to FittedEstimate
     effects : sequence of Effect
         Effects that the study's model does not have.
     faults : sequence of Fault
@@ -99,6 +120,7 @@ def fitted_text(
         [e.rebased(model) for e in effects],
         faults,
         [e.rebased(model) for e in changes],
+        estimates,
     )
     if not study.measurements and not study.amplitudes:
         return text
@@ -132,7 +154,7 @@ def mode_found_text(study: StudyContents, d: ModeDiagnosis, folder: Path) -> str
     forms = [e for e in d.model.effects if e.is_form and e.name not in known]
     two = d.baseline is not None
     common = [uncommon(e) for e in d.baseline.fitted.effects] if d.baseline is not None else []
-    damped = np.isfinite(d.problem.targets.zeta).any()
+    damped = d.problem.data.has_damping
     return text_with_model(
         _headed(study),
         folder,
@@ -141,7 +163,60 @@ def mode_found_text(study: StudyContents, d: ModeDiagnosis, folder: Path) -> str
         [e.rebased(d.model) for e in (*forms, *common, *(() if two else d.found))],
         (),
         [e.rebased(d.model) for e in d.found] if two else (),
+        estimates_in(d, uncertain_parameters(d)),
     )
+
+
+def estimates_in(d: Verdict, uncertain: Iterable[UncertainValue]) -> dict[str, FittedEstimate]:
+    """Return what a diagnosis says of the values that its study gets, as its report states them."""
+    found = [(f.effect.name, f.parameters) for f in d.findings]
+    return estimates_of(d.model, uncertain, found, d.departures)
+
+
+def fit_estimates(problem: Problem[Any], fit: FitResult, model: Model) -> dict[str, FittedEstimate]:
+    """Return what a fit that no search has made says of the values of its model."""
+    effects = [(e.name, parameters_of(e, fit)) for e in fit.effects if not e.is_form]
+    return estimates_of(model, uncertain_values(problem, fit, model), effects, departures(problem, fit))
+
+
+def estimates_of(
+    model: Model,
+    uncertain: Iterable[UncertainValue],
+    effects: Iterable[tuple[str, Iterable[EffectParameter]]],
+    departed: Iterable[Departure],
+) -> dict[str, FittedEstimate]:
+    """Return the estimates of a model's uncertain parameters, and of effects that were added.
+
+    Parameters
+    ----------
+    model : Model
+    uncertain : iterable of UncertainValue
+        Those that are parameters of the model count.
+    effects : iterable of (str, iterable of EffectParameter)
+        Names, and fitted parameters.
+    departed : iterable of Departure
+        What of the form is outside its usual range.
+    """
+    refs = {f"{name}.{parameter}": (name, parameter) for name, parameter in model.values()}
+    outside = {(d.effect.name, d.parameter) for d in departed}
+    out = {
+        estimate_key(*refs[u.name]): FittedEstimate(
+            u.std or np.nan, u.nominal, refs[u.name] in outside, u.unit
+        )
+        for u in uncertain
+        if u.name in refs and np.isfinite(u.fitted)
+    }
+    for name, parameters in effects:
+        out |= effect_estimates(name, parameters)
+    return out
+
+
+def effect_estimates(name: str, parameters: Iterable[EffectParameter]) -> dict[str, FittedEstimate]:
+    """Return the estimates of an effect that was added."""
+    return {
+        estimate_key(name, p.name): FittedEstimate(np.nan if p.at_bound else p.std or np.nan, unit=p.unit)
+        for p in parameters
+    }
 
 
 def _headed(study: StudyContents) -> StudyContents:
@@ -158,6 +233,7 @@ def text_with_model(
     effects: Sequence[Effect],
     faults: Sequence[Fault],
     changes: Sequence[Effect] = (),
+    estimates: Mapping[str, FittedEstimate] | None = None,
 ) -> str:
     """Return a study's text with other values, effects and faults in it, as a file in a folder.
 
@@ -174,6 +250,8 @@ def text_with_model(
     faults : sequence of Fault
     changes : sequence of Effect
         Effects that have come since the baseline.
+    estimates : mapping of str to FittedEstimate, optional
+        Of these values and effects.
     """
     text = with_element_sizes(with_paths(study.text, study.path.parent, folder), study.chosen_sizes)
     fitted = study.model.with_values(values)
@@ -182,7 +260,8 @@ def text_with_model(
     if damping is not None:
         text = with_damping(text, *damping)
     text = with_effects(with_effects(text, effects), changes, since_baseline=True)
-    return "\n\n".join(part.strip("\n") for part in (text, *map(fault_table, faults))) + "\n"
+    text = "\n\n".join(part.strip("\n") for part in (text, *map(fault_table, faults)))
+    return with_estimates(text, merged(study.estimates, estimates or {}))
 
 
 def values_in(study: StudyContents, model: Model) -> dict[ParameterRef, float]:

@@ -98,13 +98,45 @@ def run(
     OutputError
         If ``out`` holds something else.
     """
-    say, study = progress or (lambda text, done: None), by_modes(study)
+    study = by_modes(study)
     if not has_modes_alone(study):
         measured(study, phases=False)
+    return _written(
+        study, out, lambda say: analyse(study, out, say, processes), progress, diagnosing=0.85, force=force
+    )
+
+
+def report(
+    study: StudyContents, diagnosis: Verdict, out: Path, progress: Progress | None = None
+) -> RunResult[Any]:
+    """Write the report of a diagnosis of a study, as :func:`run` does.
+
+    Raises
+    ------
+    OutputError
+        If ``out`` holds something else.
+    """
+    study, begun = by_modes(study), time.perf_counter() - diagnosis.seconds
+    return _written(
+        study, out, lambda say: analysed(study, diagnosis, out, begun, say), progress, diagnosing=0.3
+    )
+
+
+def _written(
+    study: StudyContents,
+    out: Path,
+    analysing: Callable[[Progress], RunResult[Any]],
+    progress: Progress | None,
+    *,
+    diagnosing: float,
+    force: bool = False,
+) -> RunResult[Any]:
+    """Return a result that is written into a folder; ``diagnosing`` is the share of the work before that."""
+    say = progress or (lambda text, done: None)
     check_outputs(input_files(study.path) if study.text else (), Output("out", out, NAMES))
     with result_folder(out, force) as scratch:
-        result = analyse(study, out, _part(say, 0.0, 0.85), processes)
-        write(result, scratch, _part(say, 0.85, 1.0))
+        result = analysing(_part(say, 0.0, diagnosing))
+        write(result, scratch, _part(say, diagnosing, 1.0))
     return result
 
 

@@ -87,6 +87,53 @@ def _plan(study: StudyContents, noise: float | None, left_db: float | None, say:
     return plan_test(study.model, test, study.nuisances, progress=say, **how)
 
 
+def with_chosen(
+    study: StudyContents,
+    add: int | None = None,
+    choose: int | None = None,
+    excitations: int | None = None,
+    noise: float | None = None,
+    left_db: float | None = None,
+    progress: Progress | None = None,
+) -> tuple[StudyContents, ChosenChannels | None]:
+    """Return a study with added or chosen channels, and these; as it is where none are asked for.
+
+    Parameters
+    ----------
+    study : Study
+    add : int, optional
+        Number of sensors beside the study's.
+    choose : int, optional
+        Number of sensors in place of them.
+    excitations : int, optional
+        Number of forces that are chosen with ``choose``; those of the study unless given.
+    noise, left_db, progress
+        As of :func:`plan_study`.
+
+    Raises
+    ------
+    StudyError
+        As of :func:`choose_channels`; if both numbers of sensors are given, or forces alone are chosen.
+    """
+    if excitations is not None and choose is None:
+        msg = "excitations are chosen in addition to sensors; choose gives the number of sensors"
+        raise StudyError(msg)
+    if add is not None and choose is not None:
+        msg = "add keeps the study's sensors, and choose chooses all; give one of them"
+        raise StudyError(msg)
+    n_sensors = choose or add
+    if not n_sensors:
+        return study, None
+    more: dict[str, Any] = {
+        "noise": noise,
+        "left_db": left_db,
+        "progress": progress,
+        "added": add is not None,
+    }
+    chosen = choose_channels(study, n_sensors, excitations, **more)
+    return with_channels(study, chosen), chosen
+
+
 def choose_channels(
     study: StudyContents,
     n_sensors: int,

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.distribution import DISTRIBUTION
 from dovetail.file.contents import StudyContents
-from fem.model import Effect
+from fem.model import Effect, Model
 from fem.summary import summary
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
@@ -27,6 +27,7 @@ from updating.diagnosis.verdict import Explanation, Verdict
 from updating.inference.belief import FAR_STD
 from updating.inference.fit_result import FitResult
 from updating.inference.parameters import DampingCurve
+from updating.inference.problem import Problem
 from updating.measurement.measurement import Measurement
 from updating.plan.plan import Plan
 from updating.quality.faults import Fault
@@ -234,7 +235,11 @@ def uncertain_parameters(d: Verdict) -> tuple[UncertainValue, ...]:
 
     The damping is among them where any was measured.
     """
-    problem, final, model = d.calibration
+    return uncertain_values(*d.calibration)
+
+
+def uncertain_values(problem: Problem[Any], final: FitResult, model: Model) -> tuple[UncertainValue, ...]:
+    """Return the uncertain parameters before and after a fit, those of effects that the model has."""
     out = []
     there = {e.name for e in model.effects}
     for u in problem.nuisance_unknowns:

@@ -2,7 +2,7 @@
 
 study = load_study("study.toml")
 found = study.diagnose()
-better = study.add(*found.findings).fit()
+better = found.study
 print(study.compare().total_db, better.compare().total_db)
 better.save("better.toml")
 """
@@ -10,8 +10,8 @@ better.save("better.toml")
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from dovetail.disk.output import Output, check_outputs
 from dovetail.file import config
 from dovetail.file.contents import has_modes_alone
 from dovetail.file.effects import candidate_named, candidates_of, with_given_values
+from dovetail.file.estimates import FittedEstimate, merged
 from dovetail.file.faults import as_mounted
 from dovetail.file.paths import input_files
 from dovetail.file.settings import N_BANDS
@@ -54,8 +55,11 @@ if TYPE_CHECKING:
     from dovetail.notebook.planned import Planned
     from dovetail.pipeline import Progress
     from dovetail.result import RunResult
+    from updating.diagnosis.diagnosis import Diagnosis
     from updating.diagnosis.findings import Finding
+    from updating.diagnosis.mode_diagnosis import ModeDiagnosis
     from updating.inference.fit_result import FitResult
+    from updating.inference.problem import Problem
     from updating.measurement.measurement import Measurement, Sensor
     from updating.quality.corrections import Fault
 
@@ -81,6 +85,7 @@ class Study(config.StudyContents):
     start: Model | None = None
     fitted: FitResult | None = None
     faults: tuple[Fault, ...] = ()
+    _compared: dict[int, Any] = field(default_factory=dict, init=False)  # by n_bands; replace drops it
 
     @classmethod
     def from_model(
@@ -258,7 +263,7 @@ class Study(config.StudyContents):
     def compare(self, n_bands: int = N_BANDS) -> StudyComparison | StudyModeComparison:
         """Return how far the model's FRFs are from the first measurement's, on all lines.
 
-        By measured modes where the study has nothing else.
+        By measured modes where the study has nothing else. It is computed once for a study.
 
         Parameters
         ----------
@@ -270,20 +275,26 @@ class Study(config.StudyContents):
         StudyError
             If the study has no measurement.
         """
+        return self._modes_compared() if has_modes_alone(self) else self._frfs_compared(n_bands)
+
+    def _modes_compared(self) -> StudyModeComparison:
         from dovetail.modes_pipeline import mode_problem
         from dovetail.notebook.modes import StudyModeComparison
 
-        if has_modes_alone(self):
-            by_modes = mode_problem(self)
-            return StudyModeComparison.of(by_modes, by_modes.nominal(), self.name, self.label)
-        return self._frfs_compared(n_bands)
+        if 0 not in self._compared:
+            problem = mode_problem(self)
+            self._compared[0] = StudyModeComparison.of(problem, problem.nominal(), self.name, self.label)
+        return self._compared[0]
 
     def _frfs_compared(self, n_bands: int = N_BANDS) -> StudyComparison:
         from dovetail.notebook.comparison import StudyComparison
         from dovetail.pipeline import fit_problem
 
-        problem = fit_problem(self)
-        return StudyComparison.of(problem, problem.nominal(), n_bands, self.name, self.label)
+        if n_bands not in self._compared:
+            problem = fit_problem(self)
+            comparison = StudyComparison.of(problem, problem.nominal(), n_bands, self.name, self.label)
+            self._compared[n_bands] = comparison
+        return self._compared[n_bands]
 
     def error(self) -> Misfit:
         """Return the error of the amplitude on the lines of the fit, those held out, and all [dB].
@@ -353,7 +364,7 @@ class Study(config.StudyContents):
             message = f"budget is one of {', '.join(BUDGETS)}, not {budget!r}"
             raise StudyError(message)
         found = diagnose_any(self, progress, processes, budget)
-        return StudyDiagnosis.of(found) if by_frfs(found) else StudyModeDiagnosis.of(found)
+        return StudyDiagnosis.of(found, self) if by_frfs(found) else StudyModeDiagnosis.of(found, self)
 
     def plan(
         self,
@@ -361,6 +372,10 @@ class Study(config.StudyContents):
         left_db: float | None = None,
         progress: Progress | None = None,
         kinds: Sequence[str] | str | None = None,
+        *,
+        add: int | None = None,
+        choose: int | None = None,
+        excitations: int | None = None,
     ) -> Planned:
         """Return which missing effects the study's test could see and name, planned or measured.
 
@@ -376,19 +391,27 @@ class Study(config.StudyContents):
             Called with a text and the fraction done; an exception from it ends the work.
         kinds : str or sequence of str, optional
             Kinds of effect, such as ``"point_mass"``; those of the study unless given.
+        add : int, optional
+            Number of sensors that are added to the study's where they name most.
+        choose : int, optional
+            Number of sensors that are chosen in place of them.
+        excitations : int, optional
+            Number of forces that are chosen with ``choose``; those of the study unless given.
 
         Raises
         ------
         StudyError
-            If the study has no sensors or no excitations.
+            If the study has no sensors or no excitations, both ``add`` and ``choose`` are given, or there
+            are fewer places.
         ModelError
             For a kind that does not exist.
         """
         from dovetail.notebook.planned import Planned
-        from dovetail.plan import plan_study
+        from dovetail.plan import plan_study, with_chosen
 
         study = self if kinds is None else self._of_kinds(kinds)
-        return Planned(plan_study(study, noise, left_db, progress))
+        test, chosen = with_chosen(study, add, choose, excitations, noise, left_db, progress)
+        return Planned(plan_study(test, noise, left_db, progress), chosen)
 
     def _of_kinds(self, kinds: Sequence[str] | str) -> Study:
         """Return the study with candidates of some kinds alone."""
@@ -444,6 +467,7 @@ class Study(config.StudyContents):
             If there is no such candidate or parameter, a value is beyond its bounds, values are given for
             several effects, or the model has an effect of the same name.
         """
+        from dovetail.found import effect_estimates
         from updating.diagnosis.findings import Finding
 
         if values and len(effects) != 1:
@@ -451,15 +475,24 @@ class Study(config.StudyContents):
             raise ModelError(msg)
         base = self.model.without_effect(*(e.name for e in self.added))
         new = []
+        estimates: dict[str, FittedEstimate] = {}
         for one in effects:
             if isinstance(one, str):
                 one = candidate_named(one, base, self.sensors, self.excitations)
+            if isinstance(one, Finding) and not values:
+                estimates |= effect_estimates(one.effect.name, one.parameters)
             new.append(with_given_values(one.effect if isinstance(one, Finding) else one, values))
         model = self.model
         for effect in new:
             model = effect.added_to(model)
         came = tuple(e.name for e in new) if self.has_baseline else ()
-        return replace(self, model=model, added=(*self.added, *new), changes=(*self.changes, *came))
+        return replace(
+            self,
+            model=model,
+            added=(*self.added, *new),
+            changes=(*self.changes, *came),
+            estimates={**self.estimates, **estimates},
+        )
 
     def fit(self, *, faults: bool = False) -> Study:
         """Return the study with its uncertain parameters, its damping and the added effects fitted.
@@ -479,15 +512,14 @@ class Study(config.StudyContents):
         StudyError
             If the study has no measurement.
         """
+        from dovetail.found import fit_estimates
         from dovetail.modes_pipeline import mode_problem_and_model
         from dovetail.pipeline import formed_problem_and_model
         from updating.diagnosis.begin import calibrated
-        from updating.inference.fitted_damping import with_fitted_damping
         from updating.inference.fitting import fit_given
         from updating.inference.preparation import fitted_model
-        from updating.quality.corrections import set_right
 
-        start = self.start or self.model.without_effect(*(e.name for e in self.added))
+        start = self._unfitted
         effects = tuple(self._on(start, self.model.effect(e.name)) for e in self.added)
         names = {e.name for e in self.added}
         base = replace(self, model=start, changes=tuple(n for n in self.changes if n not in names))
@@ -495,28 +527,70 @@ class Study(config.StudyContents):
         if has_modes_alone(self):
             problem, before = mode_problem_and_model(base)
             problem, result = fit_given(problem, effects)
-            damped = bool(np.isfinite(problem.targets.zeta).any())
         else:
             problem, before = formed_problem_and_model(base)
             problem, _, found = calibrated(problem, checked=faults)
             problem, result = fit_given(problem, effects)
-            result, damped = problem.assessed(result), True
+            result = problem.assessed(result)
         model = fitted_model(before, result)
-        if damped:
+        estimates = fit_estimates(problem, result, model)
+        return self._fitted_to(problem, result, model, [e.name for e in effects], found, estimates)
+
+    @property
+    def _unfitted(self) -> Model:
+        """The model before any fit, without what was added."""
+        return self.start or self.model.without_effect(*(e.name for e in self.added))
+
+    def _fitted_to(
+        self,
+        problem: Problem[Any],
+        result: FitResult,
+        model: Model,
+        added: Sequence[str],
+        faults: Sequence[Fault],
+        estimates: Mapping[str, FittedEstimate],
+    ) -> Study:
+        """Return the study with a fitted model, some of whose effects were added to the study's."""
+        from updating.inference.fitted_damping import with_fitted_damping
+        from updating.quality.corrections import set_right
+
+        if problem.data.has_damping:
             model = with_fitted_damping(problem, result, model)
-        added = tuple(model.effect(e.name) for e in effects)
-        more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *found)}
+        more: dict[str, Any] = {"fitted": result, "faults": (*self.faults, *faults)}
+        more["estimates"] = merged(self.estimates, estimates)
         test = problem.test_of(result)
         if test is not None:
             for key in ("measurements", "amplitudes"):
                 more[key] = tuple(
                     replace(m, viscous=test.viscous, errors=test.errors) for m in getattr(self, key)
                 )
-        if found:
-            more["measurements"] = tuple(set_right(m, found) for m in more["measurements"])
-            more["sensors"] = as_mounted(self.sensors, "sensor", found)
-            more["excitations"] = as_mounted(self.excitations, "excitation", found)
-        return replace(self, model=model, added=added, start=start, **more)
+        if faults:
+            more["measurements"] = tuple(set_right(m, faults) for m in more["measurements"])
+            more["sensors"] = as_mounted(self.sensors, "sensor", faults)
+            more["excitations"] = as_mounted(self.excitations, "excitation", faults)
+        effects = tuple(model.effect(name) for name in added)
+        return replace(self, model=model, added=effects, start=self._unfitted, **more)
+
+    def with_found(self, found: Diagnosis | ModeDiagnosis) -> Study:
+        """Return the study with the fitted values, effects and faults of a diagnosis of it.
+
+        It is what ``found.toml`` of a report has.
+
+        Parameters
+        ----------
+        found : Diagnosis or ModeDiagnosis
+            As :meth:`diagnose` and :func:`updating.diagnose` return it.
+        """
+        from dovetail.found import estimates_in
+        from dovetail.result import by_modes_alone, uncertain_parameters
+
+        result = found.final.fitted if by_modes_alone(found) else found.steps[-1].result
+        names = [e.name for e in found.found]
+        changes = (*self.changes, *names) if self.has_baseline else self.changes
+        estimates = estimates_in(found, uncertain_parameters(found))
+        added = [*(e.name for e in self.added), *names]
+        study = replace(self, changes=changes)
+        return study._fitted_to(found.problem, result, found.model, added, found.faults, estimates)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the study file with the values and effects of this model.
@@ -547,7 +621,8 @@ class Study(config.StudyContents):
             before, now = self.start.values(), self.model.values()
             values = {ref: now[ref] for ref, value in before.items() if ref in now and now[ref] != value}
             values |= rebased_values(self.model, self.start.effects)
-            damping = self.model.damping, _connections_of(self.model)
+            if self.model.damping is not self.start.damping:
+                damping = self.model.damping, _connections_of(self.model)
         known = {e.name for e in (*(self.start or self.model).effects, *self.added)}
         forms = [e for e in self.model.effects if e.is_form and e.name not in known]
         changes = [e.rebased(self.model) for e in self.added if e.name in self.changes]
@@ -588,7 +663,8 @@ class Study(config.StudyContents):
     ) -> RunResult[Any]:
         """Compare, diagnose and locate, and write the report into a folder; see :func:`pipeline.run`.
 
-        By FRFs; by measured modes where the study has nothing else.
+        By FRFs; by measured modes where the study has nothing else. A diagnosis at hand writes the same by
+        ``found.report("out")``.
         """
         from dovetail.pipeline import run
 

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fem.array_types import Bools, Floats, Ints
+
 STRAIGHT = 0.5
 """Least cosine of the angle by which a chain may turn at a point: 60°."""
 
 
-def chains_of(
-    points: NDArray[np.float64], lines: NDArray[np.int64], owner: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+def chains_of(points: Floats, lines: Ints, owner: Ints) -> tuple[Ints, Ints, Bools]:
     """Return the lines of every set as chains: order (n_lines,), length of each chain, and lines to reverse.
 
     A chain continues at a point where just two lines of its set meet, without a sharp corner. The chains of
@@ -38,9 +38,7 @@ def chains_of(
     return order, length, flipped
 
 
-def _partners(
-    points: NDArray[np.float64], lines: NDArray[np.int64], owner: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _partners(points: Floats, lines: Ints, owner: Ints) -> Ints:
     """Return the end, 2 · line + 0 or 1, with which each line's ends continue, -1 for none, (2 n_lines,)."""
     t = points[lines[:, 1]] - points[lines[:, 0]]
     t /= np.linalg.norm(t, axis=1, keepdims=True)
@@ -57,9 +55,7 @@ def _partners(
     return partner
 
 
-def _walked(
-    partner: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+def _walked(partner: Ints) -> tuple[Ints, Ints, Bools]:
     """Return the chain of each line, its place in the chain, and whether it is passed from end 1 to end 0.
 
     Chains are ranked by pointer doubling (Wyllie, 1979), because a loop in Python over 10⁶ lines takes
@@ -80,7 +76,7 @@ def _walked(
     return chain, place, turned
 
 
-def _joined(partner: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _joined(partner: Ints) -> tuple[Ints, Ints]:
     """Return the first line of each chain, in ascending order, and the number of the chain of each line."""
     n = len(partner) // 2
     end = np.flatnonzero(partner >= 0)
@@ -92,9 +88,7 @@ def _joined(partner: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.i
     return np.sort(first), rank[label]
 
 
-def _opened(
-    partner: NDArray[np.int64], first: NDArray[np.int64], chain: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _opened(partner: Ints, first: Ints, chain: Ints) -> Ints:
     """Cut closed chains after their first lines, so that each has two ends."""
     free = np.bincount(chain, weights=(partner < 0).reshape(-1, 2).sum(axis=1))
     cut = 2 * first[free == 0] + 1
@@ -104,7 +98,7 @@ def _opened(
     return partner
 
 
-def _steps_to_last(following: NDArray[np.int64]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _steps_to_last(following: Ints) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the number of steps from each state to the last one of its chain, and the last one."""
     n = len(following)
     to: NDArray[Any] = following.astype(np.int32) if n < 2**31 else following  # half the memory to move

@@ -7,16 +7,17 @@ opposes.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from fem.analysis.modes import MechanismError, solve_modes
+from fem.array_types import Bools, Floats, Ints
 from fem.elements.frame import Frame
+from fem.io.rawmesh import coincidences
 from fem.mesh import Mesh, merge_advice, merge_names
 from fem.model import Model, ModelError
 from fem.plausibility import suspicions
@@ -27,7 +28,7 @@ MOST_PAIRS = 250_000
 SHORT = 1 / 100
 """A line shorter than this part of a neighbour is reported: it may be a gap that was closed by hand [-]."""
 
-Pairs = NDArray[np.int64]
+Pairs = Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +51,9 @@ class Defect:
 
     kind: str
     message: str
-    points: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    lines: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    motions: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    points: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    lines: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    motions: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def check_mesh(mesh: Mesh, tolerance: float | None = None) -> tuple[Defect, ...]:
@@ -80,6 +81,22 @@ def check_model(model: Model, tolerance: float | None = None) -> tuple[Defect, .
         See :func:`check_mesh`.
     """
     return (*_of_structure(model, tolerance), *implausible(model))
+
+
+def with_ties_known(model: Model) -> Model:
+    """Return a model whose mesh has no note on points at one place that joints or other effects connect.
+
+    The reader of a mesh file knows of no effects, and notes all such points.
+    """
+    mesh = model.mesh
+    unaware = coincidences(mesh.points, mesh.lines) if mesh.notes else []
+    stale = {note: text for note in mesh.notes for text in unaware if note.endswith(text)}
+    if not stale:
+        return model
+    aware = coincidences(mesh.points, mesh.lines, np.vstack([_constrained(model), _coupled(model)]))
+    notes = [n for n in mesh.notes if n not in stale]
+    notes += [note.removesuffix(text) + other for note, text in stale.items() for other in aware]
+    return replace(model, mesh=replace(mesh, notes=tuple(notes)))
 
 
 def implausible(model: Model) -> tuple[Defect, ...]:
@@ -136,20 +153,20 @@ class _Linked:
         pairs = np.sort(pairs, axis=1)
         self.n, self.codes = n, np.unique(pairs[:, 0] * n + pairs[:, 1])
 
-    def any(self, first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def any(self, first: Ints, second: Ints) -> Bools:
         """Return whether each pair of points is one point or directly connected."""
         code = np.minimum(first, second) * self.n + np.maximum(first, second)
         return (first == second) | np.isin(code, self.codes)
 
 
-def _parts(mesh: Mesh, ties: Pairs) -> NDArray[np.int64]:
+def _parts(mesh: Mesh, ties: Pairs) -> Ints:
     """Return the number of the part that each point is in."""
     pairs = np.vstack([mesh.lines, ties])
     graph = sp.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(mesh.n_points,) * 2)
     return connected_components(graph, directed=False)[1]
 
 
-def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Defect]:
+def _loose(mesh: Mesh, part: Ints, ties: Pairs) -> Iterable[Defect]:
     used = np.union1d(mesh.lines, ties)
     unused = np.setdiff1d(np.arange(mesh.n_points), used)
     if unused.size:
@@ -177,9 +194,7 @@ def _loose(mesh: Mesh, part: NDArray[np.int64], ties: Pairs) -> Iterable[Defect]
         )
 
 
-def _within(
-    points: NDArray[np.float64], centres: NDArray[np.float64], radius: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _within(points: Floats, centres: Floats, radius: Floats) -> tuple[Ints, Ints]:
     """Return each centre and point that are no farther apart than the centre's radius (n_centres,)."""
     if len(points) * len(centres) <= MOST_PAIRS:
         pairs = np.argwhere(np.linalg.norm(centres[:, None] - points, axis=2) <= radius[:, None])
@@ -228,7 +243,7 @@ def _near_lines(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
         )
 
 
-def _candidates(mesh: Mesh, near: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _candidates(mesh: Mesh, near: float) -> tuple[Ints, Ints]:
     """Return points and lines whose enclosing balls meet, without the lines' ends."""
     middle, radius = mesh.points[mesh.lines].mean(axis=1), mesh.lengths() / 2 + near
     if not mesh.n_lines:
@@ -294,7 +309,7 @@ def _duplicates(mesh: Mesh) -> Iterable[Defect]:
         )
 
 
-def _short(mesh: Mesh, length: NDArray[np.float64]) -> Iterable[Defect]:
+def _short(mesh: Mesh, length: Floats) -> Iterable[Defect]:
     longest = np.zeros(mesh.n_points)
     for end in range(2):
         np.maximum.at(longest, mesh.lines[:, end], length)
@@ -346,7 +361,7 @@ def _coupled(model: Model) -> Pairs:
     return _pairs(model, dofs)
 
 
-def _pairs(model: Model, groups: Iterable[NDArray[np.int64]]) -> Pairs:
+def _pairs(model: Model, groups: Iterable[Ints]) -> Pairs:
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     for dofs in groups:
         points = np.unique(dofs[dofs < 6 * model.mesh.n_points] // 6)
@@ -388,17 +403,17 @@ def _members_at(mesh: Mesh, point: int) -> str:
     return f"member {merge_names([repr(n) for n in names])}" if names else "on no line"
 
 
-def _lines(mesh: Mesh, rows: NDArray[np.int64]) -> str:
+def _lines(mesh: Mesh, rows: Ints) -> str:
     names = list(dict.fromkeys(str(n) for n in mesh.member_of_line()[rows]))
     shown = merge_names([f"'{n}'" for n in names[:4]]) + (" …" if len(names) > 4 else "")
     what = f"line {rows[0]}" if rows.size == 1 else f"{rows.size} lines"
     return f"{what} of member{'s' * (len(names) > 1)} {shown}"
 
 
-def _points(points: NDArray[np.int64]) -> str:
+def _points(points: Ints) -> str:
     shown = ", ".join(str(p) for p in points[:6]) + (", …" if points.size > 6 else "")
     return f"point {shown}" if points.size == 1 else f"{points.size} points ({shown})"
 
 
-def _at(place: NDArray[np.float64]) -> str:
+def _at(place: Floats) -> str:
     return f"({', '.join(f'{v:.4g}' for v in place)}) m"

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Floats
 from fem.declarations import Role, Site
 from fem.model import Array, Contribution, Damping, Effect, Model, Parameter, ParameterRef, power_between
 
@@ -23,11 +24,11 @@ class MoreLoss:
         Its modal ratio is ζ.
     """
 
-    frequency: NDArray[np.float64]
-    ratio: NDArray[np.float64]
+    frequency: Floats
+    ratio: Floats
     damping: Damping
 
-    def __call__(self, omega: NDArray[np.float64]) -> tuple[Array, Array]:
+    def __call__(self, omega: Floats) -> tuple[Array, Array]:
         """Return storage and loss (n,) [-]."""
         f = np.real(omega) / (2 * np.pi)
         more = power_between(f, self.frequency, self.ratio) - self.damping.ratio_at(f)
@@ -54,8 +55,8 @@ class ConnectionDamping(Effect):
     kind: ClassVar[str] = "connection_damping"
     role: ClassVar[Role] = Role.DISSIPATION
     name: str = "connection_damping"
-    frequency: NDArray[np.float64]
-    ratio: NDArray[np.float64]
+    frequency: Floats
+    ratio: Floats
     but: Collection[str] = ()
 
     @property
@@ -67,7 +68,7 @@ class ConnectionDamping(Effect):
         """Return none: a fit has a separate curve for it."""
         return ()
 
-    def ratio_at(self, frequency: ArrayLike) -> NDArray[np.float64]:
+    def ratio_at(self, frequency: ArrayLike) -> Floats:
         """Return ζ_c at frequencies [Hz]."""
         return power_between(np.asarray(frequency, dtype=float), self.frequency, self.ratio)
 

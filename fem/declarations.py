@@ -6,8 +6,8 @@ from enum import Flag, StrEnum, auto
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.lengths import length_text
 
 StiffnessAt = Callable[[tuple[str, str]], float]
@@ -93,8 +93,8 @@ class ArmForce(NamedTuple):
     """
 
     point: int
-    arm: NDArray[np.float64]
-    force: NDArray[np.float64]
+    arm: Floats
+    force: Floats
 
 
 _STILL = np.zeros((0, 3))
@@ -147,8 +147,8 @@ class Internal(NamedTuple):
     """
 
     n: int = 0
-    ground: NDArray[np.float64] = _STILL
-    body: tuple[int, NDArray[np.float64]] | None = None
+    ground: Floats = _STILL
+    body: tuple[int, Floats] | None = None
 
 
 NO_INTERNAL = Internal()

@@ -4,15 +4,16 @@ import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Floats
 from fem.model import DIRECTIONS, ModelError
 
 _RUN, _RUNS = re.compile(r"r?[xyz]"), re.compile(r"(r?[xyz])+")
 """A direction, and several in one word."""
 
 
-def direction_vector(direction: str | ArrayLike) -> NDArray[np.float64]:
+def direction_vector(direction: str | ArrayLike) -> Floats:
     """Return a unit vector for ``"x"``, ``"-z"`` or three components, shape (3,).
 
     Raises

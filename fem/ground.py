@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
+
 _ROUNDING = 1e-9
 """Forces below this part of the sum of their entries' absolute values are rounding."""
 
@@ -30,8 +32,8 @@ class MovingGround:
         Number of DOFs of the mesh's points.
     """
 
-    dofs: NDArray[np.int64]
-    directions: NDArray[np.float64]
+    dofs: Ints
+    directions: Floats
     n_mesh: int
 
     @classmethod
@@ -44,14 +46,14 @@ class MovingGround:
                 return cls(dofs, directions, 6 * model.mesh.n_points)
         return None
 
-    def motions(self, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+    def motions(self, dofs: Ints) -> Floats:
         """Return how far DOFs (…) move with the ground, shape (…, k)."""
         out = np.zeros((*dofs.shape, len(self.dofs)))
         translations = (dofs < self.n_mesh) & (dofs % 6 < 3)
         out[translations] = self.directions.T[dofs[translations] % 6]
         return out
 
-    def translated(self, motions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def translated(self, motions: Floats) -> Floats:
         """Return the coordinates w (k, n) of translations (3, n), as far as it moves along them."""
         return np.linalg.pinv(self.directions.T) @ motions
 
@@ -80,7 +82,7 @@ class MovingGround:
         return replace(part, dofs=dofs, K=K, M=M, C=C, D=D)
 
 
-def _strained(X: NDArray[Any], r: NDArray[np.float64]) -> bool:
+def _strained(X: NDArray[Any], r: Floats) -> bool:
     """Return whether elements resist motions r (b, m, k); a complex step counts by itself."""
     return any(
         bool((np.abs(part @ r) > _ROUNDING * (np.abs(part) @ np.abs(r))).any())

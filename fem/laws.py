@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Floats
 from fem.model import Array, ModelError
 
 
@@ -32,7 +33,7 @@ class Zener:
     ratio: Any
     tau: Any
 
-    def __call__(self, omega: NDArray[np.float64]) -> tuple[Array, Array]:
+    def __call__(self, omega: Floats) -> tuple[Array, Array]:
         """Return storage and loss (n,) [-]."""
         x = omega * self.tau
         return 1 + self.ratio * x**2 / (1 + x**2), self.ratio * x / (1 + x**2)
@@ -52,7 +53,7 @@ class Maxwell:
 
     tau: Any
 
-    def __call__(self, omega: NDArray[np.float64]) -> tuple[Array, Array]:
+    def __call__(self, omega: Floats) -> tuple[Array, Array]:
         """Return storage and loss (n,) [-]."""
         x = omega * self.tau
         return x**2 / (1 + x**2), x / (1 + x**2)
@@ -75,7 +76,7 @@ class SpringPot:
     tau: Any
     alpha: Any
 
-    def __call__(self, omega: NDArray[np.float64]) -> tuple[Array, Array]:
+    def __call__(self, omega: Floats) -> tuple[Array, Array]:
         """Return storage and loss (n,) [-]."""
         return _power(omega, self.tau, self.alpha)
 
@@ -97,7 +98,7 @@ class FractionalKelvinVoigt:
     tau: Any
     alpha: Any
 
-    def __call__(self, omega: NDArray[np.float64]) -> tuple[Array, Array]:
+    def __call__(self, omega: Floats) -> tuple[Array, Array]:
         """Return storage and loss (n,) [-]."""
         c, s = _power(omega, self.tau, self.alpha)
         return 1 + c, s
@@ -121,7 +122,7 @@ class FractionalZener:
     tau: Any
     alpha: Any
 
-    def __call__(self, omega: NDArray[np.float64]) -> tuple[Array, Array]:
+    def __call__(self, omega: Floats) -> tuple[Array, Array]:
         """Return storage and loss (n,) [-]."""
         c, s = _power(omega, self.tau, self.alpha)
         below = (1 + c) ** 2 + s**2
@@ -140,7 +141,7 @@ class TabulatedLaw:
         Real and imaginary part [N/m, N·m/rad, or - where it multiplies a stiffness].
     """
 
-    frequency: NDArray[np.float64]
+    frequency: Floats
     storage: Array
     loss: Array
 
@@ -157,13 +158,13 @@ class TabulatedLaw:
         check_table(f, k.reshape(len(k), -1), "the table")
         return cls(f, np.real(k).copy(), np.imag(k).copy())
 
-    def __call__(self, omega: NDArray[np.float64]) -> tuple[Array, Array]:
+    def __call__(self, omega: Floats) -> tuple[Array, Array]:
         """Return storage and loss (n,)."""
         f = np.asarray(omega) / (2 * np.pi)
         return np.interp(f, self.frequency, self.storage), np.interp(f, self.frequency, self.loss)
 
 
-def check_table(frequency: NDArray[np.float64], values: NDArray[Any], what: str) -> None:
+def check_table(frequency: Floats, values: NDArray[Any], what: str) -> None:
     """Raise a ModelError unless frequencies (n,) increase from 0 or above and values (n, m) are finite."""
     if frequency.ndim != 1 or len(frequency) != len(values) or not frequency.size:
         msg = f"{what} has {len(values)} stiffnesses for {frequency.size} frequencies; one each is expected"
@@ -177,7 +178,7 @@ def check_table(frequency: NDArray[np.float64], values: NDArray[Any], what: str)
         raise ModelError(msg)
 
 
-def _power(omega: NDArray[np.float64], tau: Any, alpha: Any) -> tuple[Array, Array]:
+def _power(omega: Floats, tau: Any, alpha: Any) -> tuple[Array, Array]:
     """Return real and imaginary part of (iωτ)^α; 0 at ω = 0."""
     moving = omega > 0
     size = np.where(moving, np.where(moving, omega * tau, 1.0) ** alpha, 0.0)

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Floats, Ints
 from fem.model import lever_matrix
 from fem.summary import fields_summary
 
@@ -88,10 +89,10 @@ class Matrices:
     M: sp.csr_array
     C: sp.csr_array | None
     D: sp.csr_array | None
-    node: NDArray[np.int64]
-    direction: NDArray[np.int64]
-    nodes: NDArray[np.int64]
-    points: NDArray[np.float64]
+    node: Ints
+    direction: Ints
+    nodes: Ints
+    points: Floats
     Q: sp.csr_array | None = None
 
     __repr__ = fields_summary
@@ -170,7 +171,7 @@ class Matrices:
         """Largest extent of the places along an axis [m]."""
         return float(np.ptp(self.points, axis=0).max()) if len(self.points) else 0.0
 
-    def place_of(self, node: int) -> NDArray[np.float64]:
+    def place_of(self, node: int) -> Floats:
         """Return the coordinates of a node, shape (3,) [m].
 
         Raises
@@ -184,7 +185,7 @@ class Matrices:
             raise MatricesError(msg)
         return self.points[at[0]]
 
-    def rows_of(self, node: int) -> NDArray[np.int64]:
+    def rows_of(self, node: int) -> Ints:
         """Return the rows of a node's directions 1 to 6, -1 where it has none, shape (6,).
 
         Raises
@@ -201,7 +202,7 @@ class Matrices:
         rows[self.direction[at] - 1] = at
         return rows
 
-    def rows_at(self, nodes: Sequence[int]) -> NDArray[np.int64]:
+    def rows_at(self, nodes: Sequence[int]) -> Ints:
         """Return the rows of nodes' directions 1 to 6, as :meth:`rows_of` for each, shape (k, 6)."""
         wanted = np.asarray(nodes, dtype=np.int64)
         at = np.flatnonzero(np.isin(self.node, wanted) & (self.direction > 0))
@@ -213,7 +214,7 @@ class Matrices:
             self.rows_of(int(wanted[lost][0]))  # raises an error that lists the nodes with rows
         return rows
 
-    def places_of(self, nodes: Sequence[int]) -> NDArray[np.float64]:
+    def places_of(self, nodes: Sequence[int]) -> Floats:
         """Return the coordinates of nodes, as :meth:`place_of` for each, shape (k, 3) [m]."""
         wanted = np.asarray(nodes, dtype=np.int64)
         known = np.flatnonzero(np.isin(self.nodes, wanted))
@@ -225,7 +226,7 @@ class Matrices:
             self.place_of(int(wanted[lost][0]))  # raises an error that lists the nodes with places
         return self.points[known[at]]
 
-    def rigid_motions(self, about: ArrayLike | None = None) -> NDArray[np.float64]:
+    def rigid_motions(self, about: ArrayLike | None = None) -> Floats:
         """Return the six rigid-body motions of the rows, shape (n, 6) [m and rad per m and rad].
 
         Rotations are about a point, the mean of the nodes' places unless given. Coordinates that are no
@@ -310,7 +311,7 @@ class Matrices:
             return replace(self, points=moved)
         return replace(self.turned(dict.fromkeys(np.unique(self.node).tolist(), R)), points=moved, Q=None)
 
-    def turned(self, rotations: Mapping[int, NDArray[np.float64]]) -> "Matrices":
+    def turned(self, rotations: Mapping[int, Floats]) -> "Matrices":
         """Return them in coordinates u' = R u of some nodes, which have R (3, 3) by their numbers.
 
         Raises
@@ -382,7 +383,7 @@ def _symmetric(X: Any, name: str, n: int) -> sp.csr_array:
     return A if worst == 0 else sp.csr_array((A + A.T) / 2)
 
 
-def _some(numbers: NDArray[np.int64], words: str) -> str:
+def _some(numbers: Ints, words: str) -> str:
     if not numbers.size:
         return f"{words}: none"
     shown = ", ".join(str(v) for v in numbers[:8])

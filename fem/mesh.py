@@ -13,6 +13,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Floats, Ints
 from fem.chains import chains_of
 from fem.recent import Recent
 from fem.summary import counted, listed, summary
@@ -70,9 +71,9 @@ class Mesh:
         pattern of its matrices. Changed copies have others.
     """
 
-    points: NDArray[np.float64]
-    lines: NDArray[np.int64]
-    members: Mapping[str, NDArray[np.int64]]
+    points: Floats
+    lines: Ints
+    members: Mapping[str, Ints]
     groups: Mapping[str, tuple[str, ...]]
     point_names: Mapping[str, int]
     notes: tuple[str, ...] = ()
@@ -129,7 +130,7 @@ class Mesh:
         n_chains = np.bincount(owner[order[np.cumsum(length) - length]], minlength=len(names))
         chains = iter(_parts(order, length))
         taken = set(names)
-        members: dict[str, NDArray[np.int64]] = {}
+        members: dict[str, Ints] = {}
         groups: dict[str, tuple[str, ...]] = {}
         for name, count in zip(names, n_chains.tolist(), strict=True):
             if count == 1:
@@ -148,9 +149,9 @@ class Mesh:
     @classmethod
     def _frozen(
         cls,
-        points: NDArray[np.float64],
-        lines: NDArray[np.int64],
-        members: Mapping[str, NDArray[np.int64]],
+        points: Floats,
+        lines: Ints,
+        members: Mapping[str, Ints],
         groups: Mapping[str, tuple[str, ...]],
         point_names: Mapping[str, int],
         notes: tuple[str, ...],
@@ -181,7 +182,7 @@ class Mesh:
         """Largest extent along a coordinate axis [m]."""
         return float(np.ptp(self.points, axis=0).max())
 
-    def lengths(self) -> NDArray[np.float64]:
+    def lengths(self) -> Floats:
         """Return the length of each line, shape (n_lines,) [m]."""
         return np.linalg.norm(self.points[self.lines[:, 1]] - self.points[self.lines[:, 0]], axis=1)
 
@@ -201,7 +202,7 @@ class Mesh:
         msg = f"there is no member or group '{name}'; the mesh has {known}"
         raise MeshError(msg)
 
-    def member_points(self, name: str) -> NDArray[np.int64]:
+    def member_points(self, name: str) -> Ints:
         """Return the point indices along a member, shape (n_lines_of_member + 1,)."""
         (member,) = self.members_of(name) if name in self.members else self._single(name)
         lines = self.lines[self.members[member]]
@@ -214,11 +215,11 @@ class Mesh:
             raise MeshError(msg)
         return (found[0],)
 
-    def member_positions(self, name: str) -> NDArray[np.float64]:
+    def member_positions(self, name: str) -> Floats:
         """Return the arc length of each of a member's points from its first end [m]; the mesh keeps it."""
         return self.kept.get(("positions", name), lambda: self._positions(name))
 
-    def _positions(self, name: str) -> NDArray[np.float64]:
+    def _positions(self, name: str) -> Floats:
         chain = self.points[self.member_points(name)]
         steps = np.linalg.norm(np.diff(chain, axis=0), axis=1)
         positions = np.concatenate([[0.0], np.cumsum(steps)])
@@ -254,7 +255,7 @@ class Mesh:
         xi = float(np.clip((position - s[k]) / (s[k + 1] - s[k]), 0.0, 1.0))
         return Location(int(self.members[name][k]), xi)
 
-    def point_at(self, location: Location) -> NDArray[np.float64]:
+    def point_at(self, location: Location) -> Floats:
         """Return the coordinates of a location, shape (3,) [m]."""
         a, b = self.points[self.lines[location.line]]
         return a + location.xi * (b - a)
@@ -266,21 +267,21 @@ class Mesh:
         names[chains] = np.array(list(self.members), dtype=object)[member]
         return names
 
-    def chains(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def chains(self) -> tuple[Ints, Ints]:
         """Return the lines of all members one after the other, and the number of the member of each."""
         chains = list(self.members.values())
         length = np.fromiter(map(len, chains), dtype=np.int64, count=len(chains))
         lines = np.concatenate([np.zeros(0, dtype=np.int64), *chains])
         return lines, np.repeat(np.arange(len(chains)), length)
 
-    def arc_fractions(self) -> NDArray[np.float64]:
+    def arc_fractions(self) -> Floats:
         """Return where each line begins and ends along its member, 0 to 1 of its length, (n_lines, 2) [-]."""
         out, (chains, member) = self.arc_lengths(), self.chains()
         last = np.searchsorted(member, np.arange(len(self.members)), side="right") - 1
         out[chains] /= out[chains[last], 1][member, None]
         return out
 
-    def arc_lengths(self) -> NDArray[np.float64]:
+    def arc_lengths(self) -> Floats:
         """Return where each line begins and ends along its member, (n_lines, 2) [m]."""
         chains, member = self.chains()
         start = np.searchsorted(member, np.arange(len(self.members) + 1))
@@ -422,20 +423,20 @@ class Mesh:
         return self._frozen(points, lines, members, self.groups, self.point_names, self.notes)
 
 
-def _counted(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _counted(counts: Ints) -> tuple[Ints, Ints]:
     """Return each index as often as its count says, and 0, 1, … for each."""
     of = np.repeat(np.arange(len(counts)), counts)
     return of, np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
-def _parts(rows: NDArray[np.int64], counts: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+def _parts(rows: Ints, counts: Ints) -> list[Ints]:
     """Return an array, which becomes read-only, in parts of so many entries."""
     rows.flags.writeable = False
     ends = np.cumsum(counts).tolist()
     return [rows[i:j] for i, j in zip([0, *ends[:-1]], ends, strict=True)]
 
 
-def _check_lines(points: NDArray[np.float64], lines: NDArray[np.int64]) -> None:
+def _check_lines(points: Floats, lines: Ints) -> None:
     """Refuse an invalid mesh: coordinates that are not numbers, lines without points or length."""
     if lines.size == 0:
         msg = "the mesh has no lines; a frame needs at least one two-node line"
@@ -469,7 +470,7 @@ def _check_lines(points: NDArray[np.float64], lines: NDArray[np.int64]) -> None:
         raise MeshError(msg)
 
 
-def _owners(sets: Mapping[str, ArrayLike], n_lines: int) -> tuple[NDArray[np.int64], list[str]]:
+def _owners(sets: Mapping[str, ArrayLike], n_lines: int) -> tuple[Ints, list[str]]:
     """Return the number of the set of each line, and the names of the sets with that of the rest."""
     names = list(sets)
     parts = [np.asarray(rows, dtype=np.int64).ravel() for rows in sets.values()]

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Floats, Ints
 from fem.declarations import (
     NO_INTERNAL,
     Contains,
@@ -38,7 +39,7 @@ Array = NDArray[Any]
 ParameterRef = tuple[str, str]
 """The name of an effect and the name of one of its parameters."""
 
-Law = Callable[[NDArray[np.float64]], tuple[Array, Array]]
+Law = Callable[[Floats], tuple[Array, Array]]
 """A dependence on frequency: from ω (n,) [rad/s] to the real and imaginary factors of a stiffness, (n,)."""
 
 
@@ -54,7 +55,7 @@ def refuse_negative(effect: str, **values: tuple[Any, str]) -> None:
             raise ModelError(msg)
 
 
-def dofs_of(points: ArrayLike) -> NDArray[np.int64]:
+def dofs_of(points: ArrayLike) -> Ints:
     """Return the DOF numbers of points: ``6 p + d``, shape (..., 6)."""
     return 6 * np.asarray(points, dtype=np.int64)[..., None] + np.arange(6)
 
@@ -153,18 +154,18 @@ class Contribution:
         Fractions of their lines at which the masses of the elements are, where each is at one place.
     """
 
-    dofs: NDArray[np.int64]
+    dofs: Ints
     K: Array | None = None
     M: Array | None = None
     C: Array | None = None
     D: Array | None = None
     law: Law | None = field(default=None, kw_only=True)
-    lines: NDArray[np.int64] | None = field(default=None, kw_only=True)
-    xi: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    lines: Ints | None = field(default=None, kw_only=True)
+    xi: Floats | None = field(default=None, kw_only=True)
 
     __repr__ = fields_summary
 
-    def elements_at(self, dofs: NDArray[np.int64]) -> "Iterator[Contribution]":
+    def elements_at(self, dofs: Ints) -> "Iterator[Contribution]":
         """Yield those of the elements that have these DOFs (m,), each alone."""
         if self.dofs.shape[1] == dofs.size:
             for k in np.flatnonzero((self.dofs == dofs).all(axis=1)):
@@ -205,11 +206,11 @@ class Constraint:
     """
 
     key: tuple[str, str]
-    dofs: NDArray[np.int64]
-    coefficients: NDArray[np.float64]
+    dofs: Ints
+    coefficients: Floats
     releasable: bool = True
     everywhere: bool = False
-    location: NDArray[np.float64] | None = None
+    location: Floats | None = None
 
     __repr__ = fields_summary
 
@@ -228,10 +229,10 @@ class Instruments:
     driver_directions : ndarray (n_in, 3)
     """
 
-    sensors: NDArray[np.int64]
-    sensor_directions: NDArray[np.float64]
-    drivers: NDArray[np.int64]
-    driver_directions: NDArray[np.float64]
+    sensors: Ints
+    sensor_directions: Floats
+    drivers: Ints
+    driver_directions: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -329,6 +330,21 @@ class Effect(ABC):
         """
         return ()
 
+    def steps_by_others(
+        self, model: "Model", stepped: "Mapping[ParameterRef, Model]"
+    ) -> "list[tuple[Contribution, ...]]":
+        """Return its contributions in models that differ by a complex step of a parameter of another effect.
+
+        Only their imaginary parts count.
+
+        Parameters
+        ----------
+        model : Model
+            Without a step.
+        stepped : mapping of (effect, parameter) to Model
+        """
+        return [tuple(self.contribute(there)) for there in stepped.values()]
+
     def constraints(self, model: "Model") -> tuple[Constraint, ...]:
         """Return the linear constraints that it imposes."""
         return ()
@@ -397,7 +413,7 @@ class Effect(ABC):
         """
         return self
 
-    def locations(self, model: "Model") -> NDArray[np.float64]:
+    def locations(self, model: "Model") -> Floats:
         """Return points to mark in a picture, shape (n, 3) [m]."""
         return np.empty((0, 3))
 
@@ -448,8 +464,8 @@ class Damping:
         Structural damping D = loss_factor · K [-].
     """
 
-    frequency: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
-    ratio: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+    frequency: Floats = field(default_factory=lambda: np.zeros(1))
+    ratio: Floats = field(default_factory=lambda: np.zeros(1))
     alpha: float = 0.0
     beta: float = 0.0
     loss_factor: float = 0.0
@@ -508,7 +524,7 @@ class Damping:
         """Return the damping without modal ratios."""
         return replace(self, frequency=np.zeros(1), ratio=np.zeros(1), powers=False)
 
-    def ratio_at(self, frequency: ArrayLike) -> NDArray[np.float64]:
+    def ratio_at(self, frequency: ArrayLike) -> Floats:
         """Return the modal damping ratio at frequencies [Hz]."""
         f = np.asarray(frequency, dtype=float)
         if not self.powers:
@@ -516,9 +532,7 @@ class Damping:
         return power_between(f, self.frequency, self.ratio)
 
 
-def power_between(
-    f: NDArray[np.float64], frequency: NDArray[np.float64], value: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def power_between(f: Floats, frequency: Floats, value: Floats) -> Floats:
     """Return positive values as powers of frequency between those where they are given, constant outside."""
     at = np.log(np.maximum(f, 1e-9 * frequency[0]))
     return np.exp(np.interp(at, np.log(frequency), np.log(value)))
@@ -573,7 +587,7 @@ class Model:
         """Number of DOFs before constraints: 6 for each point, then the effects' internal coordinates."""
         return 6 * self.mesh.n_points + sum(e.internal.n for e in self.effects)
 
-    def internal_dofs(self, name: str) -> NDArray[np.int64]:
+    def internal_dofs(self, name: str) -> Ints:
         """Return the DOF numbers of an effect's internal coordinates, shape (n_internal,).
 
         Raises
@@ -673,8 +687,12 @@ class Model:
 
     def parts_of(self, effect: Effect) -> tuple[Contribution, ...]:
         """Return the contributions of an effect; those that the ground holds are relative to its motion."""
+        return self.resisted(effect.contribute(self))
+
+    def resisted(self, contributions: Iterable[Contribution]) -> tuple[Contribution, ...]:
+        """Return contributions, those that the ground holds relative to its motion."""
         ground = self.ground
-        return tuple(c if ground is None else ground.resisted(c) for c in effect.contribute(self))
+        return tuple(c if ground is None else ground.resisted(c) for c in contributions)
 
     def batches(self) -> Iterator[Contribution]:
         """Return the contributions of all effects in parts that need little memory at a time."""
@@ -702,12 +720,12 @@ def applicable(effects: Iterable[Effect], model: Model) -> tuple[Effect, ...]:
 _UNIT_SKEW = np.cross(np.eye(3), np.eye(3)[:, None])
 
 
-def skew(v: ArrayLike) -> NDArray[np.float64]:
+def skew(v: ArrayLike) -> Floats:
     """Return matrices of the cross product, S(v) w = v × w, shape (…, 3, 3), for vectors (…, 3)."""
     return np.tensordot(np.asarray(v, dtype=float), _UNIT_SKEW, 1)
 
 
-def lever_matrix(arm: ArrayLike) -> NDArray[np.float64]:
+def lever_matrix(arm: ArrayLike) -> Floats:
     """Return the rigid-body maps from a point's six DOFs to places at lever arms (…, 3), shape (…, 6, 6).
 
     u' = u + θ × arm, θ' = θ; arm [m].

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.materials import Material
@@ -225,7 +225,7 @@ class _Alike:
     p: MemberProperties
     material: Material  # with moduli and densities as they are now
     names: tuple[str, ...]
-    lengths: NDArray[np.float64]  # [m]
+    lengths: Floats  # [m]
 
     @property
     def sections(self) -> tuple[Section, ...]:
@@ -272,7 +272,7 @@ def _depth(s: Section) -> float:
     return 2 * float(np.sqrt(max(s.Iy, s.Iz) / s.A))
 
 
-def _sag(m: _Alike) -> NDArray[np.float64]:
+def _sag(m: _Alike) -> Floats:
     """Return the sag of simply supported members under their weight, relative to their length [-]."""
     s = m.sections[0]
     load = _GRAVITY * m.material.rho * s.A
@@ -382,7 +382,7 @@ def _and_others(n: int) -> str:
     return f" (and of {n - 1} other{'s' * (n > 2)})" if n > 1 else ""
 
 
-def _straight_run(mesh: Mesh, lines: NDArray[np.int64]) -> float:
+def _straight_run(mesh: Mesh, lines: Ints) -> float:
     """Return the length of a member with all that goes on in its direction at its ends [m]."""
     points = mesh.points
     start, stop = points[mesh.lines[lines[0], 0]], points[mesh.lines[lines[-1], 1]]

@@ -8,11 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
-
+from fem.array_types import Complexes, Floats
 
 _Array = TypeVar("_Array", bound=npt.NDArray[Any])
 
@@ -24,7 +20,7 @@ def frozen_copy(array: _Array) -> _Array:
     return copy
 
 
-def checked_noise(noise: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+def checked_noise(noise: npt.ArrayLike, shape: tuple[int, ...]) -> Floats:
     """Return noise as a relative number, or as absolute values of a shape."""
     level = np.asarray(noise, dtype=float)
     if not (np.isfinite(level).all() and (level > 0).all()):
@@ -37,7 +33,7 @@ def checked_noise(noise: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
         raise ValueError(msg) from error
 
 
-def as_frequency(frequency: npt.ArrayLike) -> FloatArray:
+def as_frequency(frequency: npt.ArrayLike) -> Floats:
     """Return frequency lines as a 1-D float array [Hz], finite, non-negative and increasing."""
     lines = np.atleast_1d(np.asarray(frequency, dtype=float))
     if lines.ndim != 1 or lines.size == 0:
@@ -57,7 +53,7 @@ def as_frequency(frequency: npt.ArrayLike) -> FloatArray:
     return lines
 
 
-def check_same_lines(frequency: FloatArray, reference: FloatArray, name: str, reference_name: str) -> None:
+def check_same_lines(frequency: Floats, reference: Floats, name: str, reference_name: str) -> None:
     """Raise ValueError unless two sets of frequency lines are the same, to 1e-9 of the highest."""
     if frequency.shape != reference.shape:
         msg = (
@@ -78,10 +74,10 @@ def check_same_lines(frequency: FloatArray, reference: FloatArray, name: str, re
 def as_lines(
     values: npt.ArrayLike,
     name: str,
-    frequency: FloatArray,
+    frequency: Floats,
     rows: Sequence[str],
     columns: Sequence[str],
-) -> ComplexArray:
+) -> Complexes:
     """Return a complex array (n_freq, n_rows, n_columns) after checking its shape and that it is finite."""
     array = as_shape(values, name, frequency, rows, columns)
     # one pass: a sum is finite if every value is, unless it overflows
@@ -95,10 +91,10 @@ def as_lines(
 def as_shape(
     values: npt.ArrayLike,
     name: str,
-    frequency: FloatArray,
+    frequency: Floats,
     rows: Sequence[str],
     columns: Sequence[str],
-) -> ComplexArray:
+) -> Complexes:
     """Return a complex array after checking that its shape is (n_freq, n_rows, n_columns)."""
     array = np.asarray(values, dtype=complex)
     shape = (frequency.size, len(rows), len(columns))
@@ -112,7 +108,7 @@ def as_shape(
 
 
 def check_finite(
-    array: ComplexArray, name: str, frequency: FloatArray, rows: Sequence[str], columns: Sequence[str]
+    array: Complexes, name: str, frequency: Floats, rows: Sequence[str], columns: Sequence[str]
 ) -> None:
     """Raise ValueError that names the first value of (n_freq, n_rows, n_columns) that is not finite."""
     if (bad := ~np.isfinite(array)).any():
@@ -125,7 +121,7 @@ def check_finite(
         raise ValueError(msg)
 
 
-def as_square(values: npt.ArrayLike | None, name: str, n: int) -> FloatArray:
+def as_square(values: npt.ArrayLike | None, name: str, n: int) -> Floats:
     """Return a real finite matrix (n, n); None means zero."""
     if values is None:
         return np.zeros((n, n))
@@ -139,7 +135,7 @@ def as_square(values: npt.ArrayLike | None, name: str, n: int) -> FloatArray:
     return array
 
 
-def solve_lines(A: ComplexArray, B: ComplexArray) -> ComplexArray:
+def solve_lines(A: Complexes, B: Complexes) -> Complexes:
     """Return A⁻¹ B at each line.
 
     With many columns the inverse and one step of refinement give the solution in less time: LAPACK's

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf_solver import compute_frf
+from fem.array_types import Floats
 from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Model
 from fem.system import assemble
@@ -65,7 +65,7 @@ class JointTask:
         )
 
     @property
-    def springs(self) -> NDArray[np.float64]:
+    def springs(self) -> Floats:
         """Springs of the directions: the model's, or as stiff as the members themselves, (p,)."""
         stiffness = np.diag(np.asarray(self.joint.K, dtype=float))[self.index]
         rigid = [d in self.joint.rigid for d in self.directions]
@@ -86,7 +86,7 @@ class JointTask:
         model = self.model
         return replace(model, effects=tuple(elastic if e.name == joint.name else e for e in model.effects))
 
-    def vectors(self) -> tuple[NDArray[np.float64], ...]:
+    def vectors(self) -> tuple[Floats, ...]:
         """Responses, inputs and relative motions as rows of combinations of degrees of freedom."""
         model, m = self.model, self.measurement
         dofs, B = self.joint.relative(model)

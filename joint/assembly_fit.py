@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.effects.joint import joint_unit
 from fem.reduction.reduced_model import ReducedModel, reduce_model
 from joint.assembly import JointTask
@@ -62,11 +62,11 @@ class FitStage:
     """
 
     fit: JointFit
-    measured: NDArray[np.complex128]
+    measured: Complexes
     levels: tuple[tuple[float, float], ...]
     start: str
     parts: SubstructureFRF
-    given: NDArray[np.complex128]
+    given: Complexes
 
     def line_by_line(self, amplification: float = 1e3) -> JointIdentification | None:
         """Return Z_j line by line from the structure as fitted; None if sensors or inputs are too few."""
@@ -83,12 +83,12 @@ class FitStage:
         return float(self.fit.frequency[-1])
 
     @property
-    def sharp(self) -> NDArray[np.bool_]:
+    def sharp(self) -> Bools:
         """Mark the parameters with small deviations if the residual is random, (n,)."""
         std = np.sqrt(np.diag(self.fit.independent))
         return ~self.fit.at_bound & (std < SHARP * np.abs(self.fit.values))
 
-    def disagreement(self, wider: "FitStage") -> NDArray[np.float64]:
+    def disagreement(self, wider: "FitStage") -> Floats:
         """Return how far a wider band moves the joint's parameters, in standard deviations of the change.
 
         If the model is right, the wider band knows more and var(θ - θ') = var θ - var θ': Hausman,
@@ -120,8 +120,8 @@ class Estimate:
     task: JointTask
     stages: tuple[FitStage, ...]
     refused: FitStage | None
-    prior: NDArray[np.float64]
-    prior_std: NDArray[np.float64]
+    prior: Floats
+    prior_std: Floats
 
     @property
     def fit(self) -> JointFit:
@@ -129,11 +129,11 @@ class Estimate:
         return self.stages[-1].fit
 
     @property
-    def measured(self) -> NDArray[np.complex128]:
+    def measured(self) -> Complexes:
         """FRFs that it was fitted to, (n_freq, M, L) [m/N, …]."""
         return self.stages[-1].measured
 
-    def moved(self) -> NDArray[np.float64]:
+    def moved(self) -> Floats:
         """How far each uncertain parameter moved, in its standard deviations before the fit, (m,) [-]."""
         return deviations(self.fit.part_values, self.prior, self.prior_std)
 
@@ -323,7 +323,7 @@ def _fit_stage(
     form: JointForm,
     reduced: ReducedModel,
     problem: FitProblem,
-    at: NDArray[np.int64],
+    at: Ints,
     accuracy: float,
     lines: JointIdentification | None,
     before: Sequence[FitStage],
@@ -353,9 +353,9 @@ def _fit_with_levels(
     form: JointForm,
     parts: ReleasedParts,
     problem: FitProblem,
-    at: NDArray[np.int64],
+    at: Ints,
     accuracy: float,
-    starts: Sequence[tuple[str, NDArray[np.float64]]],
+    starts: Sequence[tuple[str, Floats]],
     *,
     search: bool,
 ) -> FitStage:
@@ -423,14 +423,14 @@ def _fit_with_levels(
     return FitStage(found, H, tuple(band_levels), tried[0][0], fitted, problem.data.H[at])
 
 
-def _bands(problem: FitProblem, frequency: NDArray[np.float64]) -> NDArray[np.int64]:
+def _bands(problem: FitProblem, frequency: Floats) -> Ints:
     """Return which of up to four bands with equally many modes each line is in."""
     knots = problem.damping.knots
     edges = np.quantile(knots, [0.25, 0.5, 0.75]) if len(knots) > 4 else np.zeros(0)
     return np.searchsorted(edges, frequency)
 
 
-def _spread(lines: NDArray[np.int64], n_lines: int, bands: NDArray[np.int64]) -> NDArray[np.int64]:
+def _spread(lines: Ints, n_lines: int, bands: Ints) -> Ints:
     """Return evenly spread lines of a band: its share of all that are fitted."""
     share = max(8, n_lines // len(np.unique(bands)))
     if len(lines) <= share:

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from joint.assembly import JointTask
 from joint.average import identify_average
 from joint.form import LAWS, JointForm
@@ -24,9 +24,7 @@ SEARCHES = 6
 """Number of further searches for stiffnesses around the fitted values."""
 
 
-def vague_prior(
-    task: JointTask, form: JointForm, theta: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def vague_prior(task: JointTask, form: JointForm, theta: Floats) -> tuple[Floats, Floats]:
     """Return the prior of θ: stiffnesses to a factor of 20, damping below the stiffness.
 
     It is next to nothing for a parameter that the data determine, and holds the others.
@@ -49,21 +47,14 @@ def vague_prior(
     return mean, std
 
 
-def relative_distance(
-    form: JointForm, parts: SubstructureFRF, H: NDArray[np.complex128], theta: NDArray[np.float64]
-) -> float:
+def relative_distance(form: JointForm, parts: SubstructureFRF, H: Complexes, theta: Floats) -> float:
     """Return the mean of |ln H / measured|, at most 1 each [-]."""
     with np.errstate(all="ignore"):
         off = np.abs(np.log(couple(parts, form.Z(parts.frequency, theta)).H_nn / H))
     return float(np.nanmean(np.minimum(off, 1.0)))
 
 
-def searched(
-    task: JointTask,
-    form: JointForm,
-    theta: NDArray[np.float64],
-    far: Callable[[NDArray[np.float64]], float],
-) -> NDArray[np.float64]:
+def searched(task: JointTask, form: JointForm, theta: Floats, far: Callable[[Floats], float]) -> Floats:
     """Return θ with one stiffness after another changed, with its damping, to where the FRFs come nearest.
 
     The direction that helps most comes first: another may only imitate it.
@@ -86,7 +77,7 @@ def walked(
     form: JointForm,
     found: JointFit,
     fit: Callable[..., JointFit],
-    standard: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    standard: Callable[[Floats], Floats],
 ) -> JointFit:
     """Return the best fit along one stiffness after another, all else fitted at each of its values.
 
@@ -123,10 +114,10 @@ def starting_values(
     task: JointTask,
     form: JointForm,
     parts: ReleasedParts,
-    H: NDArray[np.complex128],
+    H: Complexes,
     lines: JointIdentification | None,
-    before: Sequence[tuple[str, NDArray[np.float64]]],
-) -> list[tuple[str, NDArray[np.float64]]]:
+    before: Sequence[tuple[str, Floats]],
+) -> list[tuple[str, Floats]]:
     """Return up to two starts with their names: of the model, line by line, averages, a search, other bands.
 
     ``before`` are the results of narrower bands.
@@ -134,7 +125,7 @@ def starting_values(
     omega = 2 * np.pi * float(np.median(parts.at_mean.frequency))
     eta = task.joint.eta or 0.01
 
-    def values(k: NDArray[np.float64], loss: NDArray[np.float64]) -> NDArray[np.float64]:
+    def values(k: Floats, loss: Floats) -> Floats:
         out = np.zeros(len(form.names))
         for i, d in enumerate(task.directions):
             for kind, value in (("K", k[i]), ("D", loss[i]), ("C", loss[i] / omega)):
@@ -168,7 +159,7 @@ def starting_values(
     if np.isnan(tried[0][1]).any():
         return tried[-1:]
 
-    def far(theta: NDArray[np.float64]) -> float:
+    def far(theta: Floats) -> float:
         return relative_distance(form, parts.at_mean, H, theta)
 
     if not before:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from joint._checks import ComplexArray, FloatArray, IntArray, frozen_copy
+from fem.array_types import Complexes, Floats, Ints
+from joint._checks import frozen_copy
 from joint.form import JointForm
 from joint.identification import (
     ROUNDING,
@@ -56,12 +57,12 @@ class AverageIdentification:
     """
 
     form: JointForm
-    values: FloatArray
-    std: FloatArray
+    values: Floats
+    std: Floats
     condition: float
     length: float
-    lines: IntArray
-    residual: FloatArray
+    lines: Ints
+    residual: Floats
     misfit: float
     expanded_by: str = ""
 
@@ -70,26 +71,26 @@ class AverageIdentification:
             object.__setattr__(self, name, frozen_copy(getattr(self, name)))
 
     @property
-    def K(self) -> FloatArray:
+    def K(self) -> Floats:
         """Stiffness, (N, N) [N/m, N/rad, N m/m, N m/rad]."""
         return self.form.matrix("K", self.values)
 
     @property
-    def M(self) -> FloatArray:
+    def M(self) -> Floats:
         """Mass, (N, N) [kg, kg m, kg m²]."""
         return self.form.matrix("M", self.values)
 
     @property
-    def C(self) -> FloatArray:
+    def C(self) -> Floats:
         """Viscous damping, (N, N) [N s/m, …]."""
         return self.form.matrix("C", self.values)
 
     @property
-    def D(self) -> FloatArray:
+    def D(self) -> Floats:
         """Structural damping, (N, N) [N/m, …]."""
         return self.form.matrix("D", self.values)
 
-    def Z(self, frequency: npt.ArrayLike) -> ComplexArray:
+    def Z(self, frequency: npt.ArrayLike) -> Complexes:
         """Return the dynamic stiffness at lines [Hz], (n_freq, N, N)."""
         return self.form.Z(frequency, self.values)
 
@@ -200,12 +201,12 @@ def _check_complete(joint: CoordinateSet) -> None:
 class _RegularLines:
     """Each line's R_A and R_B, and the right-hand side R_A z R_Bᵀ = G."""
 
-    R_A: ComplexArray
-    R_B: ComplexArray
-    G: ComplexArray
+    R_A: Complexes
+    R_B: Complexes
+    G: Complexes
 
 
-def _lines(problem: ScaledProblem) -> tuple[_RegularLines, IntArray]:
+def _lines(problem: ScaledProblem) -> tuple[_RegularLines, Ints]:
     seen = project_lines(problem)
     p = problem.A.shape[2]
     use = np.flatnonzero(seen.rank == p)
@@ -215,9 +216,7 @@ def _lines(problem: ScaledProblem) -> tuple[_RegularLines, IntArray]:
     return _RegularLines(seen.R_A[use[good]], R_B[good], (seen.QC[use] @ Q_B.conj())[good]), use[good]
 
 
-def _equations(
-    problem: ScaledProblem, form: JointForm
-) -> tuple[FloatArray, tuple[_RegularLines, FloatArray], IntArray]:
+def _equations(problem: ScaledProblem, form: JointForm) -> tuple[Floats, tuple[_RegularLines, Floats], Ints]:
     """Return the triangular factor of [E g], the lines' factors with their weights, and the lines."""
     lines, use = _lines(problem)
     size = np.linalg.norm(lines.G, axis=(1, 2))
@@ -240,7 +239,7 @@ def _equations(
     return R, (lines, weight), use
 
 
-def _solve(R: FloatArray, form: JointForm, problem: ScaledProblem) -> tuple[FloatArray, FloatArray, float]:
+def _solve(R: Floats, form: JointForm, problem: ScaledProblem) -> tuple[Floats, Floats, float]:
     n = len(form.parameters)
     E, g = R[:, :n], R[:, n]
     size = np.linalg.norm(E, axis=0)
@@ -271,10 +270,10 @@ def _solve(R: FloatArray, form: JointForm, problem: ScaledProblem) -> tuple[Floa
 def _residuals(
     problem: ScaledProblem,
     form: JointForm,
-    theta: FloatArray,
-    weighted: tuple[_RegularLines, FloatArray],
-    use: IntArray,
-) -> FloatArray:
+    theta: Floats,
+    weighted: tuple[_RegularLines, Floats],
+    use: Ints,
+) -> Floats:
     lines, weight = weighted
     inverse = np.linalg.pinv(problem.W)
     z = inverse @ form.Z(problem.frequency[use], theta) @ inverse.T

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from joint._checks import ComplexArray, FloatArray, as_frequency, as_lines, frozen_copy
+from fem.array_types import Complexes, Floats
+from joint._checks import as_frequency, as_lines, frozen_copy
 from joint.interface import CoordinateSet, coordinates_of
 
 
@@ -39,20 +40,20 @@ class ExpandedFRF:
         cannot follow the data.
     """
 
-    frequency: FloatArray
+    frequency: Floats
     outputs: CoordinateSet
     inputs: CoordinateSet
-    H: ComplexArray
+    H: Complexes
     method: str
     condition: float
-    consistency: FloatArray
+    consistency: Floats
 
     def __post_init__(self) -> None:
         for name in ("frequency", "H", "consistency"):
             object.__setattr__(self, name, frozen_copy(getattr(self, name)))
 
 
-def rigid_rows(places: npt.ArrayLike, directions: npt.ArrayLike, point: npt.ArrayLike) -> FloatArray:
+def rigid_rows(places: npt.ArrayLike, directions: npt.ArrayLike, point: npt.ArrayLike) -> Floats:
     """Return the readings of sensors for rigid motions of a point, (n, 6): u = eᵀ (q + θ × r).
 
     Parameters
@@ -114,15 +115,19 @@ def virtual_point(
     inputs, Ri, T_f, cond_in = _side(R_in, weight_in, "forces", node)
     data = as_lines(H, "H", lines, [f"o{i}" for i in range(len(Ro))], [f"i{i}" for i in range(len(Ri))])
     q = T_u @ data @ T_f.T
-    size = np.linalg.norm(data, axis=(1, 2))
-    kept = np.linalg.norm(Ro @ q @ Ri.T, axis=(1, 2))
-    consistency = np.divide(kept, size, out=np.ones(lines.size), where=size > 0)
+    consistency = _kept(Ro @ q @ Ri.T, data)
     return ExpandedFRF(lines, outputs, inputs, q, "virtual point", max(cond_out, cond_in), consistency)
+
+
+def _kept(part: Complexes, data: Complexes) -> Floats:
+    """Return the size of a part of FRFs over theirs, line by line; 1 without any."""
+    size = np.linalg.norm(data, axis=(1, 2))
+    return np.divide(np.linalg.norm(part, axis=(1, 2)), size, out=np.ones(len(size)), where=size > 0)
 
 
 def _side(
     rows: npt.ArrayLike | CoordinateSet, weight: npt.ArrayLike | None, what: str, node: str
-) -> tuple[CoordinateSet, FloatArray, FloatArray, float]:
+) -> tuple[CoordinateSet, Floats, Floats, float]:
     """Return coordinates, the map to their sensors, its inverse, and the condition number."""
     if isinstance(rows, CoordinateSet):
         unit = np.eye(len(rows))
@@ -139,7 +144,7 @@ def _side(
     return coordinates_of([node]), R, T, condition
 
 
-def _reduction(R: FloatArray, weight: FloatArray, what: str, node: str) -> tuple[FloatArray, float]:
+def _reduction(R: Floats, weight: Floats, what: str, node: str) -> tuple[Floats, float]:
     # rotations in units of the mean arm, so that the condition depends on geometry only
     arm = float(np.sqrt((R[:, 3:] ** 2).sum() / max((R[:, :3] ** 2).sum(), 1e-300))) or 1.0
     scale = np.array([1, 1, 1, arm, arm, arm])
@@ -195,13 +200,11 @@ def expand_serep(
     inverse_in, cond_in = _modal_inverse(Si, "forces")
     modal = inverse_out @ data @ inverse_in.T
     full = np.asarray(full_out, dtype=float) @ modal @ np.asarray(full_in, dtype=float).T
-    size = np.linalg.norm(data, axis=(1, 2))
-    kept = np.linalg.norm(So @ modal @ Si.T, axis=(1, 2))
-    consistency = np.divide(kept, size, out=np.ones(lines.size), where=size > 0)
+    consistency = _kept(So @ modal @ Si.T, data)
     return ExpandedFRF(lines, outputs, inputs, full, "SEREP", max(cond_out, cond_in), consistency)
 
 
-def _modal_inverse(shapes: FloatArray, what: str) -> tuple[FloatArray, float]:
+def _modal_inverse(shapes: Floats, what: str) -> tuple[Floats, float]:
     n, m = shapes.shape
     unit = shapes / np.maximum(np.linalg.norm(shapes, axis=0), 1e-300)
     s = np.linalg.svd(unit, compute_uv=False)

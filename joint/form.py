@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.laws import FractionalKelvinVoigt, FractionalZener, Zener
 from fem.summary import fields_summary
-from joint._checks import BoolArray, ComplexArray, FloatArray, frozen_copy
+from joint._checks import frozen_copy
 from joint.interface import CoordinateSet
 
 LAWS = {"zener": Zener, "fractional_kelvin_voigt": FractionalKelvinVoigt, "fractional_zener": FractionalZener}
@@ -59,14 +60,14 @@ class Term:
         inner = tuple((f"{self.name} {f.name}", units[f.name]) for f in fields(LAWS[self.kind]))
         return ((self.name, self.unit), *inner)
 
-    def factor(self, omega: FloatArray, theta: Sequence[Any] | FloatArray) -> npt.NDArray[Any]:
+    def factor(self, omega: Floats, theta: Sequence[Any] | Floats) -> npt.NDArray[Any]:
         """Return the factor of the matrix at ω, (n_freq,)."""
         if self.kind in LAWS:
             storage, loss = LAWS[self.kind](*theta[1:])(omega)
             return np.real(theta[0]) * (np.real(storage) + 1j * np.real(loss))
         return theta[0] * _unit_factor(self.kind, omega)
 
-    def slopes(self, omega: FloatArray, theta: Sequence[float] | FloatArray) -> ComplexArray:
+    def slopes(self, omega: Floats, theta: Sequence[float] | Floats) -> Complexes:
         """Return the derivatives of `factor` by its parameters, (n, n_freq); exact, by complex steps."""
         if self.kind not in LAWS:
             return _unit_factor(self.kind, omega)[None]
@@ -80,7 +81,7 @@ class Term:
         return np.array(rows)
 
 
-def _unit_factor(kind: str, omega: FloatArray) -> ComplexArray:
+def _unit_factor(kind: str, omega: Floats) -> Complexes:
     powers = {"K": np.ones_like(omega), "M": -(omega**2), "C": 1j * omega, "D": 1j * np.ones_like(omega)}
     return powers[kind].astype(complex)
 
@@ -100,7 +101,7 @@ class JointForm:
 
     coordinates: CoordinateSet
     terms: tuple[Term, ...]
-    matrices: FloatArray
+    matrices: Floats
 
     __repr__ = fields_summary
 
@@ -135,13 +136,13 @@ class JointForm:
         return all(term.kind not in LAWS for term in self.terms)
 
     @property
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
+    def bounds(self) -> tuple[Floats, Floats]:
         """Least and greatest value of each parameter: only those of viscoelastic laws have any."""
         limits = [_BOUNDS.get(name.rpartition(" ")[2], (-np.inf, np.inf)) for name in self.names]
         return np.array([lo for lo, _ in limits]), np.array([hi for _, hi in limits])
 
     @property
-    def positive(self) -> npt.NDArray[np.bool_]:
+    def positive(self) -> Bools:
         """Mark the parameters that are positive and fitted as logarithms: those of viscoelastic terms."""
         marks = [
             term.kind in LAWS and not name.endswith(" alpha")
@@ -151,7 +152,7 @@ class JointForm:
         return np.array(marks, dtype=bool)
 
     @property
-    def semidefinite(self) -> npt.NDArray[np.bool_]:
+    def semidefinite(self) -> Bools:
         """Mark the parameters whose matrices are positive semidefinite: those on a diagonal."""
         least = np.linalg.eigvalsh((self.matrices + self.matrices.mT) / 2)[:, 0]
         marked = least >= -1e-9 * np.linalg.norm(self.matrices, axis=(1, 2))
@@ -160,7 +161,7 @@ class JointForm:
         ]
         return np.array(marks, dtype=bool)
 
-    def starts(self, theta: npt.ArrayLike, frequency: FloatArray) -> list[FloatArray]:
+    def starts(self, theta: npt.ArrayLike, frequency: Floats) -> list[Floats]:
         """Return points from which to start: θ with NaN replaced by usual values of viscoelastic laws.
 
         Parameters
@@ -190,14 +191,14 @@ class JointForm:
             out.append(start)
         return out
 
-    def coefficients(self, omega: FloatArray, theta: FloatArray) -> ComplexArray:
+    def coefficients(self, omega: Floats, theta: Floats) -> Complexes:
         """Return the factor of each matrix, (n_matrices, n_freq)."""
         out = np.zeros((len(self.matrices), omega.size), dtype=complex)
         for term, at in zip(self.terms, self._slices(), strict=True):
             out[term.matrix] += term.factor(omega, theta[at])
         return out
 
-    def slopes(self, omega: FloatArray, theta: FloatArray) -> tuple[ComplexArray, npt.NDArray[np.int64]]:
+    def slopes(self, omega: Floats, theta: Floats) -> tuple[Complexes, Ints]:
         """Return derivatives of the coefficients, (n, n_freq), and which matrix each belongs to, (n,)."""
         rows, which = [], []
         for term, at in zip(self.terms, self._slices(), strict=True):
@@ -209,7 +210,7 @@ class JointForm:
         ends = np.cumsum([0] + [len(term.parameters) for term in self.terms])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
-    def Z(self, frequency: npt.ArrayLike, theta: npt.ArrayLike) -> ComplexArray:
+    def Z(self, frequency: npt.ArrayLike, theta: npt.ArrayLike) -> Complexes:
         """Return the dynamic stiffness f/x, (n_freq, N, N) [N/m, N/rad, N m/m, N m/rad].
 
         Parameters
@@ -223,7 +224,7 @@ class JointForm:
         coefficients = self.coefficients(omega, np.asarray(theta, dtype=float))
         return np.einsum("uf,uij->fij", coefficients, self.matrices, optimize=True)
 
-    def matrix(self, kind: str, theta: npt.ArrayLike) -> FloatArray:
+    def matrix(self, kind: str, theta: npt.ArrayLike) -> Floats:
         """Return K, M, C or D, (N, N): the sum of the terms of one kind."""
         theta = np.asarray(theta, dtype=float)
         out = np.zeros(self.matrices.shape[1:])
@@ -232,7 +233,7 @@ class JointForm:
                 out += theta[at][0] * self.matrices[term.matrix]
         return out
 
-    def values_of(self, **matrices: npt.ArrayLike) -> FloatArray:
+    def values_of(self, **matrices: npt.ArrayLike) -> Floats:
         """Return θ for given K, M, C, D (N, N) by least squares; terms of other kinds get zero.
 
         Raises
@@ -280,7 +281,7 @@ class JointForm:
         term = Term(name, kind, same[0] if same else len(self.matrices), unit)
         return replace(self, terms=(*self.terms, term), matrices=matrices)
 
-    def basis(self, length: float = 1.0) -> FloatArray:
+    def basis(self, length: float = 1.0) -> Floats:
         """Return an orthonormal basis (N, p) of the directions in which the joint acts.
 
         Parameters
@@ -328,7 +329,7 @@ def full_form(
     )
 
 
-def _pattern(pattern: npt.ArrayLike | None, n: int) -> BoolArray:
+def _pattern(pattern: npt.ArrayLike | None, n: int) -> Bools:
     """Return which entries (n, n) may differ from zero, all unless given."""
     allowed = np.ones((n, n), dtype=bool) if pattern is None else np.asarray(pattern, dtype=bool)
     if allowed.shape != (n, n) or not allowed.any():
@@ -414,12 +415,12 @@ def with_masses(form: JointForm, places: npt.ArrayLike) -> JointForm:
 
 def _of_units(
     coordinates: CoordinateSet,
-    B: FloatArray,
+    B: Floats,
     names: Sequence[str],
-    turn: npt.NDArray[np.bool_],
+    turn: Bools,
     kinds: Sequence[str],
     reciprocal: bool,
-    allowed: npt.NDArray[np.bool_],
+    allowed: Bools,
 ) -> JointForm:
     unknown = [kind for kind in kinds if kind not in KINDS]
     if unknown or not len(kinds):

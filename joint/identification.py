@@ -9,11 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import qr
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from joint._checks import (
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    IntArray,
     as_frequency,
     as_shape,
     check_finite,
@@ -69,21 +66,21 @@ class JointIdentification:
         to first order; None if the noise was not given.
     """
 
-    frequency: FloatArray
+    frequency: Floats
     coordinates: CoordinateSet
-    Z: ComplexArray
-    basis: FloatArray
-    z: ComplexArray
+    Z: Complexes
+    basis: Floats
+    z: Complexes
     length: float
-    rank_A: IntArray
-    rank_B: IntArray
-    condition_A: FloatArray
-    condition_B: FloatArray
-    residual: FloatArray
+    rank_A: Ints
+    rank_B: Ints
+    condition_A: Floats
+    condition_B: Floats
+    residual: Floats
     amplification_limit: float
     expanded_by: str = ""
-    Z_std: ComplexArray | None = None
-    z_std: ComplexArray | None = None
+    Z_std: Complexes | None = None
+    z_std: Complexes | None = None
 
     def __post_init__(self) -> None:
         for name in [
@@ -108,19 +105,19 @@ class JointIdentification:
         return self.coordinates.lacking
 
     @property
-    def amplification(self) -> FloatArray:
+    def amplification(self) -> Floats:
         """cond(A) cond(B), (n_freq,): by how much a relative error of the receptances may grow in Z."""
         return self.condition_A * self.condition_B
 
     @property
-    def regular(self) -> BoolArray:
+    def regular(self) -> Bools:
         """Mark the lines of full rank whose amplification stays within the limit, (n_freq,)."""
         p = self.z.shape[1]
         full = (self.rank_A == p) & (self.rank_B == p)
         return full & (self.amplification <= self.amplification_limit)
 
 
-def characteristic_length(H: ComplexArray, coordinates: CoordinateSet) -> float:
+def characteristic_length(H: Complexes, coordinates: CoordinateSet) -> float:
     """Return the length that makes rotational receptances as large as translational ones.
 
     ℓ² = median over lines of (‖H_tt‖ / n_t) / (‖H_rr‖ / n_r)
@@ -247,13 +244,13 @@ class _Directions:
     """Say combinations of scaled basis columns in terms of joint coordinates."""
 
     labels: Sequence[str]
-    columns: FloatArray
+    columns: Floats
 
-    def name(self, combinations: ComplexArray) -> str:
+    def name(self, combinations: Complexes) -> str:
         """Name each column of (p, k) combinations, the large terms only."""
         return "; ".join(self._name_one(self.columns @ vector) for vector in combinations.T)
 
-    def _name_one(self, weights: ComplexArray) -> str:
+    def _name_one(self, weights: Complexes) -> str:
         lead = int(np.argmax(np.abs(weights)))
         weights = np.real(weights / weights[lead])
         order = [i for i in np.argsort(-np.abs(weights), kind="stable") if abs(weights[i]) > 0.05]
@@ -289,17 +286,17 @@ class ScaledProblem:
         Of the internal outputs and inputs.
     """
 
-    frequency: FloatArray
-    A: ComplexArray
-    R: ComplexArray
-    Q: ComplexArray
-    H_aa: ComplexArray
-    H_nn: ComplexArray
-    scale_out: FloatArray
-    scale_in: FloatArray
-    W: FloatArray
-    size: FloatArray
-    basis: FloatArray
+    frequency: Floats
+    A: Complexes
+    R: Complexes
+    Q: Complexes
+    H_aa: Complexes
+    H_nn: Complexes
+    scale_out: Floats
+    scale_in: Floats
+    W: Floats
+    size: Floats
+    basis: Floats
     length: float
     directions: _Directions
     labels: tuple[tuple[str, ...], tuple[str, ...]]
@@ -364,7 +361,7 @@ def scaled_problem(
     )
 
 
-def _as_basis(basis: npt.ArrayLike | None, n: int) -> FloatArray:
+def _as_basis(basis: npt.ArrayLike | None, n: int) -> Floats:
     if basis is None:
         return np.eye(n)
     G = np.asarray(basis, dtype=float)
@@ -387,7 +384,7 @@ def _check_counts(n_outputs: int, n_inputs: int, needed: int, kind: str) -> None
             raise JointIdentificationError(msg)
 
 
-def _check_rank(tall: ComplexArray, name: str, meaning: str, directions: _Directions) -> None:
+def _check_rank(tall: Complexes, name: str, meaning: str, directions: _Directions) -> None:
     """Refuse a matrix that lacks column rank at every line."""
     p = tall.shape[2]
     few = np.unique(np.linspace(0, len(tall) - 1, 8).astype(np.int64))
@@ -404,7 +401,7 @@ def _check_rank(tall: ComplexArray, name: str, meaning: str, directions: _Direct
         raise JointIdentificationError(msg)
 
 
-def _rank_and_condition(tall: ComplexArray) -> tuple[IntArray, FloatArray]:
+def _rank_and_condition(tall: Complexes) -> tuple[Ints, Floats]:
     """Return numerical rank and 2-norm condition number of (n_freq, m, p) matrices, m ≥ p."""
     singular = np.linalg.svd(tall, compute_uv=False)
     largest, smallest = singular[:, 0], singular[:, -1]
@@ -429,13 +426,13 @@ class Projection:
         Of A.
     """
 
-    R_A: ComplexArray
-    inverse_A: ComplexArray
-    QC: ComplexArray
-    rest: FloatArray
-    size: FloatArray
-    rank: IntArray
-    condition: FloatArray
+    R_A: Complexes
+    inverse_A: Complexes
+    QC: Complexes
+    rest: Floats
+    size: Floats
+    rank: Ints
+    condition: Floats
 
 
 def project_lines(problem: ScaledProblem) -> Projection:
@@ -468,7 +465,7 @@ def project_lines(problem: ScaledProblem) -> Projection:
     return Projection(R_A, inverse, QC, rest, size, rank, condition)
 
 
-def _small_rest(C: ComplexArray, Q: ComplexArray, QC: ComplexArray) -> float:
+def _small_rest(C: Complexes, Q: Complexes, QC: Complexes) -> float:
     """Return ‖C - Q Qᴴ C‖² / ‖C‖² of evenly spread columns, without a difference of squares."""
     # Inputs that tell how small a residual below 3e-6 is
     for step in (max(1, C.shape[1] // 48), 1):
@@ -479,13 +476,13 @@ def _small_rest(C: ComplexArray, Q: ComplexArray, QC: ComplexArray) -> float:
     return 0.0
 
 
-def _square(values: ComplexArray) -> float:
+def _square(values: Complexes) -> float:
     """Return the sum of |values|²."""
     flat = values.view(float).ravel()
     return float(flat @ flat)
 
 
-def _squares(values: ComplexArray) -> FloatArray:
+def _squares(values: Complexes) -> Floats:
     """Return the sum of |values|² at each line, (n_freq,)."""
     flat = values.reshape(len(values), values[0].size if len(values) else 0).view(float)
     return np.vecdot(flat, flat)
@@ -493,7 +490,7 @@ def _squares(values: ComplexArray) -> FloatArray:
 
 def _solve_lines(
     problem: ScaledProblem,
-) -> tuple[ComplexArray, FloatArray, IntArray, FloatArray]:
+) -> tuple[Complexes, Floats, Ints, Floats]:
     """Solve A z (R - Q A⁺ C) = C for z at each line; return z, residual, ranks and conditions (2, n_freq)."""
     n_freq, _, p = problem.A.shape
     z = np.full((n_freq, p, p), complex(np.nan, np.nan))
@@ -527,7 +524,7 @@ def _solve_lines(
     return z, residual, ranks, conditions
 
 
-def _deviations(problem: ScaledProblem, z: ComplexArray, noise: npt.ArrayLike) -> list[ComplexArray]:
+def _deviations(problem: ScaledProblem, z: Complexes, noise: npt.ArrayLike) -> list[Complexes]:
     """Return the deviations of W z Wᵀ and of z over the basis' own sizes."""
     level = checked_noise(noise, problem.H_nn.shape)
     sigma = level if level.ndim else level * np.abs(problem.H_nn)
@@ -546,8 +543,8 @@ def _deviations(problem: ScaledProblem, z: ComplexArray, noise: npt.ArrayLike) -
 
 
 def factor_tall(
-    tall: ComplexArray,
-) -> tuple[ComplexArray, ComplexArray, IntArray, FloatArray, ComplexArray]:
+    tall: Complexes,
+) -> tuple[Complexes, Complexes, Ints, Floats, Complexes]:
     """Factorise (n_freq, m, p) matrices, m ≥ p, into Q R; return Q, R, ranks, condition numbers and R⁻¹.
 
     R⁻¹ is only meaningful at lines of full rank.
@@ -555,7 +552,7 @@ def factor_tall(
     Q, R = np.linalg.qr(tall)
     U, singular, Vh = np.linalg.svd(R)
     largest, smallest = singular[:, 0], singular[:, -1]
-    rank: IntArray = (singular > max(tall.shape[1:]) * ROUNDING * largest[:, None]).sum(axis=1)
+    rank: Ints = (singular > max(tall.shape[1:]) * ROUNDING * largest[:, None]).sum(axis=1)
     condition = np.divide(largest, smallest, out=np.full_like(largest, np.inf), where=smallest > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = (Vh.conj().mT / singular[:, None, :]) @ U.conj().mT
@@ -568,12 +565,12 @@ def factor_tall(
     )
 
 
-def _null_space(A: ComplexArray, dimension: int) -> ComplexArray:
+def _null_space(A: Complexes, dimension: int) -> Complexes:
     """Return the right singular vectors of the smallest singular values, (p, dimension)."""
     return np.linalg.svd(A, full_matrices=False)[2][-dimension:].conj().T
 
 
-def _readable(null: ComplexArray) -> ComplexArray:
+def _readable(null: Complexes) -> Complexes:
     """Combine null vectors so that each holds one coordinate that the others lack."""
     lead = qr(null.T, mode="r", pivoting=True)[-1][: null.shape[1]]
     return np.asarray(np.linalg.solve(null[lead].T, null.T).T, dtype=complex)

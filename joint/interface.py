@@ -13,17 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.summary import fields_summary
-from joint._checks import (
-    BoolArray,
-    ComplexArray,
-    FloatArray,
-    IntArray,
-    as_frequency,
-    as_lines,
-    check_same_lines,
-    frozen_copy,
-)
+from joint._checks import as_frequency, as_lines, check_same_lines, frozen_copy
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -67,7 +59,7 @@ class CoordinateSet:
         return len(self.labels)
 
     @property
-    def rotational(self) -> BoolArray:
+    def rotational(self) -> Bools:
         """Mark the rotations, (n,)."""
         return np.array([label.rpartition(":")[2].startswith("r") for label in self.labels], dtype=bool)
 
@@ -84,7 +76,7 @@ class CoordinateSet:
             if len(found) < len(DIRECTIONS)
         }
 
-    def positions(self, labels: Iterable[str]) -> IntArray:
+    def positions(self, labels: Iterable[str]) -> Ints:
         """Return where the given labels stand in this set, (n_labels,).
 
         Raises
@@ -166,12 +158,12 @@ class SubstructureFRF:
         If a shape does not fit the interface or a value is not finite.
     """
 
-    frequency: FloatArray
+    frequency: Floats
     interface: Interface
-    H_aa: ComplexArray
-    H_ab: ComplexArray
-    H_ba: ComplexArray
-    H_bb: ComplexArray
+    H_aa: Complexes
+    H_ab: Complexes
+    H_ba: Complexes
+    H_bb: Complexes
     expanded_by: str = ""
 
     def __post_init__(self) -> None:
@@ -286,7 +278,7 @@ def stack_substructures(*substructures: SubstructureFRF) -> SubstructureFRF:
     )
 
 
-def stack_joints(joint: CoordinateSet, blocks: Sequence[tuple[CoordinateSet, npt.ArrayLike]]) -> ComplexArray:
+def stack_joints(joint: CoordinateSet, blocks: Sequence[tuple[CoordinateSet, npt.ArrayLike]]) -> Complexes:
     """Place the dynamic stiffness of each joint at its coordinates.
 
     Z_j is block-diagonal by joint: Soleimanian, Tizfahm & Sadeghi (2011), eq. (5). A joint that holds nodes
@@ -335,7 +327,7 @@ def _joined(sets: Iterable[CoordinateSet]) -> CoordinateSet:
     return CoordinateSet(tuple(label for coordinates in sets for label in coordinates.labels))
 
 
-def _block_diagonal(blocks: Sequence[ComplexArray]) -> ComplexArray:
+def _block_diagonal(blocks: Sequence[Complexes]) -> Complexes:
     rows = np.cumsum([0] + [block.shape[1] for block in blocks])
     columns = np.cumsum([0] + [block.shape[2] for block in blocks])
     full = np.zeros((blocks[0].shape[0], rows[-1], columns[-1]), dtype=complex)

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from fem.array_types import Bools, Complexes, Floats
 from fem.summary import fields_summary
-from joint._checks import BoolArray, ComplexArray, FloatArray, frozen_copy
+from joint._checks import frozen_copy
 from joint.form import JointForm
 from joint.uncertainty import OPEN_ENDS, Identifiability, root_of
 
@@ -56,17 +57,17 @@ class JointFit:
     """
 
     form: JointForm
-    values: FloatArray
-    covariance: FloatArray
-    independent: FloatArray
-    at_bound: BoolArray
+    values: Floats
+    covariance: Floats
+    independent: Floats
+    at_bound: Bools
     open_end: tuple[str, ...]
     part_names: tuple[str, ...]
-    part_values: FloatArray
-    part_std: FloatArray
-    frequency: FloatArray
-    H: ComplexArray
-    residual: ComplexArray
+    part_values: Floats
+    part_std: Floats
+    frequency: Floats
+    H: Complexes
+    residual: Complexes
     chi2: float
     identifiability: Identifiability
     history: tuple[tuple[float, float, float], ...]
@@ -90,11 +91,11 @@ class JointFit:
             object.__setattr__(self, name, frozen_copy(getattr(self, name)))
 
     @property
-    def std(self) -> FloatArray:
+    def std(self) -> Floats:
         """Standard deviations of θ, (n,) [its units]; NaN at a bound, infinite where nothing is known."""
         return np.where(self.at_bound, np.nan, np.sqrt(np.diag(self.covariance)))
 
-    def interval(self, level: float = 0.95) -> FloatArray:
+    def interval(self, level: float = 0.95) -> Floats:
         """Return confidence intervals of θ, (n, 2): value ± a normal quantile of std; NaN at a bound.
 
         Parameters
@@ -126,11 +127,11 @@ class JointFit:
         end = OPEN_ENDS.get(self.open_end[index], "")
         return "not determined" + (f":{below} {end}" if end else "")
 
-    def Z(self, frequency: npt.ArrayLike | None = None) -> ComplexArray:
+    def Z(self, frequency: npt.ArrayLike | None = None) -> Complexes:
         """Return the dynamic stiffness (n_freq, N, N), at the fitted lines unless others are given [Hz]."""
         return self.form.Z(self.frequency if frequency is None else frequency, self.values)
 
-    def Z_std(self, frequency: npt.ArrayLike | None = None) -> ComplexArray:
+    def Z_std(self, frequency: npt.ArrayLike | None = None) -> Complexes:
         """Return standard deviations of Z's real and imaginary parts, as one complex array (n_freq, N, N)."""
         lines = self.frequency if frequency is None else np.atleast_1d(np.asarray(frequency, dtype=float))
         slopes, which = self.form.slopes(2 * np.pi * lines, self.values)

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg.blas import zherk
 
-from joint._checks import BoolArray, ComplexArray, FloatArray, checked_noise, solve_lines
+from fem.array_types import Bools, Complexes, Floats
+from joint._checks import checked_noise, solve_lines
 from joint.form import JointForm
 from joint.interface import SubstructureFRF
 from joint.parts import Parts, ReceptanceBlocks
@@ -40,16 +41,16 @@ class LikelihoodPoint:
         Rebuilt receptances.
     """
 
-    theta: FloatArray
-    x: FloatArray
+    theta: Floats
+    x: Floats
     count: int
     cost: float
-    A: FloatArray
-    g: FloatArray
-    H: ComplexArray
+    A: Floats
+    g: Floats
+    H: Complexes
 
     @property
-    def point(self) -> FloatArray:
+    def point(self) -> Floats:
         """All values, θ then x."""
         return np.concatenate([self.theta, self.x])
 
@@ -79,12 +80,12 @@ class Likelihood:
 
     form: JointForm
     parts: Parts
-    lines: FloatArray
-    measured: ComplexArray
-    weight: FloatArray
-    positive: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    lines: Floats
+    measured: Complexes
+    weight: Floats
+    positive: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
     huber: float | None = None
-    prior: tuple[FloatArray, FloatArray, BoolArray] | None = None
+    prior: tuple[Floats, Floats, Bools] | None = None
     known: dict[bytes, Any] = field(default_factory=dict, repr=False)
 
     def rough(self, state: LikelihoodPoint, count: int) -> Likelihood:
@@ -97,14 +98,14 @@ class Likelihood:
         """Return the cost of a point over all lines."""
         return self.state(state.theta, state.x, len(self.lines), False)
 
-    def _parts_at(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
+    def _parts_at(self, x: Floats) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         key = x.tobytes()
         if key not in self.known:
             self.known.clear()
             self.known[key] = self.parts.evaluate(x)
         return self.known[key]
 
-    def _logarithmic(self, H: ComplexArray, at: slice) -> tuple[ComplexArray, ComplexArray]:
+    def _logarithmic(self, H: Complexes, at: slice) -> tuple[Complexes, Complexes]:
         """Return ln(H / measured) over the relative noise, and its derivative by H."""
         measured = self.measured[at]
         use = (self.weight[at] > 0) & (measured != 0) & (H != 0)
@@ -112,7 +113,7 @@ class Likelihood:
         size = np.where(use, self.weight[at] * np.abs(safe), 0.0)
         return np.asarray(size * np.log(model / safe), dtype=complex), np.asarray(size / model, dtype=complex)
 
-    def state(self, theta: FloatArray, x: FloatArray, count: int, gradient: bool = True) -> LikelihoodPoint:
+    def state(self, theta: Floats, x: Floats, count: int, gradient: bool = True) -> LikelihoodPoint:
         """Evaluate the cost and, if asked, Gauss-Newton matrix and gradient over the first lines."""
         data = self.of_lines(theta, x, 0, count, gradient)
         n, m = len(theta), len(x)
@@ -132,7 +133,7 @@ class Likelihood:
         return replace(data, cost=cost)
 
     def of_lines(
-        self, theta: FloatArray, x: FloatArray, first: int, end: int, gradient: bool = True
+        self, theta: Floats, x: Floats, first: int, end: int, gradient: bool = True
     ) -> LikelihoodPoint:
         """Evaluate the likelihood of the lines from one up to another, without priors."""
         frf, slopes = self._parts_at(x)
@@ -188,12 +189,12 @@ class Likelihood:
 
     def _jacobian(
         self,
-        H_nj: ComplexArray,
-        H_jn: ComplexArray,
-        Z: ComplexArray,
+        H_nj: Complexes,
+        H_jn: Complexes,
+        Z: Complexes,
         slopes: tuple[ReceptanceBlocks, ...],
         at: slice,
-    ) -> ComplexArray:
+    ) -> Complexes:
         """Return the transposes of -H_nj T H_jn for each matrix, then of the derivatives by the parts.
 
         Both are (lines, n, L, M): one product for all matrices costs less than many small ones.
@@ -211,13 +212,13 @@ class Likelihood:
         return np.concatenate([by_joint, np.stack([part.mT for part in by_parts], axis=1)], axis=1)
 
 
-def _gram(J: ComplexArray) -> ComplexArray:
+def _gram(J: Complexes) -> Complexes:
     """Return J* Jᵀ at each line, (n_lines, u, u), of which only one triangle is computed."""
     upper = np.array([zherk(1.0, line.T, trans=2) for line in J])
     return upper + np.triu(upper, 1).conj().mT
 
 
-def noise_of(measured: ComplexArray, noise: npt.ArrayLike | None, reference: ComplexArray) -> FloatArray:
+def noise_of(measured: Complexes, noise: npt.ArrayLike | None, reference: Complexes) -> Floats:
     """Return the noise's standard deviation at every value; relative noise is one of a reference."""
     size = np.abs(reference)
     least = 1e-6 * np.sqrt((size**2).mean(axis=0)) + 1e-300
@@ -228,8 +229,8 @@ def noise_of(measured: ComplexArray, noise: npt.ArrayLike | None, reference: Com
 
 
 def checked_prior(
-    prior: tuple[npt.ArrayLike, npt.ArrayLike] | None, log: BoolArray, n: int
-) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+    prior: tuple[npt.ArrayLike, npt.ArrayLike] | None, log: Bools, n: int
+) -> tuple[Floats, Floats, Bools] | None:
     """Check the prior of θ."""
     if prior is None:
         return None

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from joint._checks import BoolArray, FloatArray, as_frequency, as_lines, check_same_lines
+from fem.array_types import Bools, Floats
+from joint._checks import as_frequency, as_lines, check_same_lines
 from joint.form import JointForm
 from joint.identification import JointIdentificationError
 from joint.interface import SubstructureFRF
@@ -235,7 +236,7 @@ def _scan(problem: Likelihood, state: LikelihoodPoint) -> LikelihoodPoint:
 class _ScaledPoint:
     """A point with its unknowns on their own scales: ln θ of positive parameters, and θ and x of others."""
 
-    x: FloatArray
+    x: Floats
     at: LikelihoodPoint
 
     @property
@@ -250,16 +251,16 @@ class _Band:
     likelihood: Likelihood
     count: int
     n: int
-    log: BoolArray
+    log: Bools
 
     def scaled(self, state: LikelihoodPoint) -> _ScaledPoint:
         return _ScaledPoint(self.to_scale(state.point), state)
 
-    def to_scale(self, values: FloatArray) -> FloatArray:
+    def to_scale(self, values: Floats) -> Floats:
         with np.errstate(divide="ignore"):  # a bound of 0 is one of -∞
             return np.where(self.log, np.log(np.where(self.log, np.maximum(values, 0.0), 1.0)), values)
 
-    def at(self, x: FloatArray, near: _ScaledPoint) -> _ScaledPoint:
+    def at(self, x: Floats, near: _ScaledPoint) -> _ScaledPoint:
         # A value that runs to 0 is stopped by itself: its steps meet the limit for ever, and gain nothing.
         # Longest step of the logarithm of a positive parameter in one iteration
         longest = np.where(self.log, 1.5, np.inf)
@@ -334,7 +335,7 @@ def _result(
     low, high = form.bounds
     at_bound |= (state.theta <= low) | (state.theta >= high)
 
-    def information(first: int, end: int) -> tuple[FloatArray, FloatArray]:
+    def information(first: int, end: int) -> tuple[Floats, Floats]:
         part = problem.of_lines(state.theta, state.x, first, end)
         return part.A, part.g
 
@@ -377,9 +378,7 @@ def _result(
     )
 
 
-def _message(
-    form: JointForm, known: Identifiability, at_bound: BoolArray, chi2: float, converged: bool
-) -> str:
+def _message(form: JointForm, known: Identifiability, at_bound: Bools, chi2: float, converged: bool) -> str:
     """Return a sentence on the end of a fit, with doubts about its result."""
     message = "converged" if converged else "not converged: the iterations ran out at the best point so far"
     if chi2 > 2:
@@ -396,14 +395,14 @@ def _message(
     return message
 
 
-def _relative_noise(problem: Likelihood) -> FloatArray:
+def _relative_noise(problem: Likelihood) -> Floats:
     """Return the noise of the data over the deviation that was allowed, at most 1, (n_freq, M, L)."""
     with np.errstate(invalid="ignore"):  # where there is no value, and no weight
         relative = problem.weight * noise_of(problem.measured, None, problem.measured)
     return np.where(problem.weight > 0, np.minimum(np.nan_to_num(relative, nan=1.0), 1.0), 0.0)
 
 
-def _at_zero(problem: Likelihood, state: LikelihoodPoint) -> tuple[LikelihoodPoint, BoolArray]:
+def _at_zero(problem: Likelihood, state: LikelihoodPoint) -> tuple[LikelihoodPoint, Bools]:
     """Put positive parameters that have run towards zero there; return the point and which they are.
 
     A factor never reaches zero, and its logarithm runs on for ever. A parameter that fits no worse at zero is

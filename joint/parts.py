@@ -9,11 +9,12 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from fem.array_types import Complexes, Floats
 from fem.model import DIRECTIONS, Model
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import reduce_model
 from fem.summary import fields_summary
-from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy
+from joint._checks import as_frequency, frozen_copy
 from joint.interface import CoordinateSet, Interface, SubstructureFRF, partition_frf, stack_substructures
 
 
@@ -21,10 +22,10 @@ from joint.interface import CoordinateSet, Interface, SubstructureFRF, partition
 class ReceptanceBlocks:
     """Hold derivatives of receptances by one parameter, shaped as those of a `SubstructureFRF`."""
 
-    H_aa: ComplexArray
-    H_ab: ComplexArray
-    H_ba: ComplexArray
-    H_bb: ComplexArray
+    H_aa: Complexes
+    H_ab: Complexes
+    H_ba: Complexes
+    H_bb: Complexes
 
 
 class Parts(Protocol):
@@ -40,11 +41,11 @@ class Parts(Protocol):
         """Receptances where every parameter is 0."""
         ...
 
-    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
+    def evaluate(self, x: Floats) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         """Return receptances and their derivatives at x."""
         ...
 
-    def physical(self, x: FloatArray) -> FloatArray:
+    def physical(self, x: Floats) -> Floats:
         """Return the parameters in their own units."""
         ...
 
@@ -67,11 +68,11 @@ class FixedParts:
         """No parameters."""
         return ()
 
-    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
+    def evaluate(self, x: Floats) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         """Return the receptances as they are."""
         return self.at_mean, ()
 
-    def physical(self, x: FloatArray) -> FloatArray:
+    def physical(self, x: Floats) -> Floats:
         """Return nothing."""
         return x
 
@@ -112,8 +113,8 @@ class ModelParts:
 
     at_mean: SubstructureFRF
     uncertain: tuple[Uncertain, ...]
-    _engines: tuple[tuple[str, ParametricFRF, FloatArray, FloatArray, Interface, CoordinateSet], ...]
-    _means: FloatArray
+    _engines: tuple[tuple[str, ParametricFRF, Floats, Floats, Interface, CoordinateSet], ...]
+    _means: Floats
 
     __repr__ = fields_summary
 
@@ -186,16 +187,16 @@ class ModelParts:
         """Names of the parameters."""
         return tuple(f"{u.part} {u.effect} {u.parameter}" for u in self.uncertain)
 
-    def physical(self, x: FloatArray) -> FloatArray:
+    def physical(self, x: Floats) -> Floats:
         """Return the parameters in their own units: mean · exp(std · x)."""
         std = np.array([u.std for u in self.uncertain])
         return np.where(self._means > 0, self._means, 1.0) * np.exp(std * x)
 
-    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
+    def evaluate(self, x: Floats) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         """Return receptances and their derivatives by x."""
         values = self.physical(x)
         frfs: list[SubstructureFRF] = []
-        slopes: list[list[tuple[int, ComplexArray]]] = []
+        slopes: list[list[tuple[int, Complexes]]] = []
         for name, engine, zeta, _, _, _ in self._engines:
             mine = [i for i, u in enumerate(self.uncertain) if u.part == name and u.effect != "damping"]
             loss = [i for i, u in enumerate(self.uncertain) if u.part == name and u.effect == "damping"]
@@ -229,6 +230,6 @@ class ModelParts:
         n = len(self._engines[part][5])
         return n, n
 
-    def _partition(self, part: int, H: ComplexArray) -> SubstructureFRF:
+    def _partition(self, part: int, H: Complexes) -> SubstructureFRF:
         _, engine, _, _, interface, every = self._engines[part]
         return partition_frf(engine.omega / (2 * np.pi), H, every, every, interface)

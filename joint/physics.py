@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from fem.array_types import Bools, Complexes, Floats
 from fem.effects.joint import Joint
 from fem.effects.viscoelastic import Viscoelastic
 from fem.model import DIRECTIONS, Effect
 from fem.summary import fields_summary
-from joint._checks import BoolArray, ComplexArray, FloatArray, as_frequency, as_lines
+from joint._checks import as_frequency, as_lines
 from joint.form import LAWS
 
 LINEAR = ("K", "M", "C", "D")
@@ -65,7 +66,7 @@ class LawFit:
         """Names of its parts, in a phrase."""
         return " and ".join(_WORDS[kind] for kind in self.kinds)
 
-    def stiffness(self, frequency: npt.ArrayLike) -> ComplexArray:
+    def stiffness(self, frequency: npt.ArrayLike) -> Complexes:
         """Return its dynamic stiffness at lines [Hz], (n_freq,)."""
         omega = 2 * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float))
         if self.kinds[0] in LAWS:
@@ -97,8 +98,8 @@ class StiffnessLaw:
     """
 
     name: str
-    frequency: FloatArray
-    Z: ComplexArray
+    frequency: Floats
+    Z: Complexes
     scatter: float
     best: LawFit
     others: tuple[LawFit, ...]
@@ -168,7 +169,7 @@ def explain_stiffness(
     names = tuple(names)[: given.shape[1]] if given.ndim == 3 else tuple(names)
     seen = np.isfinite(given).all(axis=tuple(range(1, given.ndim)))
     array = as_lines(np.where(np.isfinite(given), given, 0), "Z", lines, names, names)
-    keep: BoolArray = seen & (lines > 0)
+    keep: Bools = seen & (lines > 0)
     for word, values in (("use", use), ("weight", weight)):
         if values is not None and np.shape(values) != lines.shape:
             msg = (
@@ -235,7 +236,7 @@ def effects_of(
     return tuple(out)
 
 
-def _column(kind: str, omega: FloatArray) -> ComplexArray:
+def _column(kind: str, omega: Floats) -> Complexes:
     return {
         "K": np.ones_like(omega, dtype=complex),
         "M": -(omega**2).astype(complex),
@@ -244,7 +245,7 @@ def _column(kind: str, omega: FloatArray) -> ComplexArray:
     }[kind]
 
 
-def _explain(name: str, frequency: FloatArray, Z: ComplexArray, weight: FloatArray) -> StiffnessLaw:
+def _explain(name: str, frequency: Floats, Z: Complexes, weight: Floats) -> StiffnessLaw:
     scatter = _scatter(Z, weight)
     fits = [
         _linear((*rest, *loss), frequency, Z, weight, scatter)
@@ -260,13 +261,13 @@ def _explain(name: str, frequency: FloatArray, Z: ComplexArray, weight: FloatArr
     return StiffnessLaw(name, frequency, Z, scatter, best, tuple(fits[1:]), explained)
 
 
-def _scatter(Z: ComplexArray, weight: FloatArray) -> float:
+def _scatter(Z: Complexes, weight: Floats) -> float:
     """Return the standard deviation from line to line, by second differences, robustly."""
     d = (Z[:-2] - 2 * Z[1:-1] + Z[2:]) * weight[1:-1] / np.sqrt(6)
     return float(1.4826 * np.median(np.abs(np.concatenate([d.real, d.imag]))))
 
 
-def _criterion(r: FloatArray, n_parameters: int, floor: float) -> float:
+def _criterion(r: Floats, n_parameters: int, floor: float) -> float:
     """Return Schwarz's criterion with Huber's loss at 1.5 robust deviations."""
     level = max(1.4826 * float(np.median(np.abs(r))), floor, 1e-300)
     t = np.abs(r) / level
@@ -275,7 +276,7 @@ def _criterion(r: FloatArray, n_parameters: int, floor: float) -> float:
 
 
 def _linear(
-    kinds: tuple[str, ...], frequency: FloatArray, Z: ComplexArray, weight: FloatArray, scatter: float
+    kinds: tuple[str, ...], frequency: Floats, Z: Complexes, weight: Floats, scatter: float
 ) -> LawFit:
     omega = 2 * np.pi * frequency
     columns = np.stack([_column(k, omega) for k in kinds], axis=1) * weight[:, None]
@@ -301,17 +302,17 @@ def _linear(
     return LawFit(kinds, numbers, dict(zip(kinds, map(float, std), strict=True)), misfit, value)
 
 
-def _rising(kind: str, frequency: FloatArray, Z: ComplexArray, weight: FloatArray, scatter: float) -> LawFit:
+def _rising(kind: str, frequency: Floats, Z: Complexes, weight: Floats, scatter: float) -> LawFit:
     omega = 2 * np.pi * frequency
     law, names = LAWS[kind], tuple(f.name for f in fields(LAWS[kind]))
     y = np.concatenate([(Z * weight).real, (Z * weight).imag])
     level = max(scatter, 1e-9 * float(np.sqrt((y**2).mean())))
     k0 = max(float(np.median(Z.real[: max(3, len(Z) // 10)])), 1e-12 * float(np.abs(Z).max()))
 
-    def split(u: FloatArray) -> list[Any]:
+    def split(u: Floats) -> list[Any]:
         return [u[1 + i] if name == "alpha" else np.exp(u[1 + i]) for i, name in enumerate(names)]
 
-    def residual(u: FloatArray) -> FloatArray:
+    def residual(u: Floats) -> Floats:
         storage, loss = law(*split(u))(omega)
         z = np.exp(u[0]) * weight
         return (np.concatenate([z * storage, z * loss]) - y) / level

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from joint._checks import FloatArray, as_square, frozen_copy
+from fem.array_types import Floats
+from joint._checks import as_square, frozen_copy
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,10 +23,10 @@ class RelativeJoint:
         Relative coordinates q = B x, see `relative_coordinates`.
     """
 
-    K: FloatArray
-    C: FloatArray
-    D: FloatArray
-    B: FloatArray
+    K: Floats
+    C: Floats
+    D: Floats
+    B: Floats
 
     def __post_init__(self) -> None:
         for name in ("K", "C", "D", "B"):
@@ -36,7 +37,7 @@ def relative_coordinates(
     lever_1: npt.ArrayLike = (0.0, 0.0, 0.0),
     lever_2: npt.ArrayLike = (0.0, 0.0, 0.0),
     axes: npt.ArrayLike | None = None,
-) -> FloatArray:
+) -> Floats:
     """Return B, which gives the motion of node 2's side of a joint against node 1's.
 
     q = B x = Q [ u₂ + θ₂ × r₂ - (u₁ + θ₁ × r₁) ;  θ₂ - θ₁ ]

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fem.array_types import Complexes, Floats
 from fem.model import Model, ModelError
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel
 from fem.summary import fields_summary
-from joint._checks import ComplexArray, FloatArray, as_frequency, frozen_copy, solve_lines
+from joint._checks import as_frequency, frozen_copy, solve_lines
 from joint.interface import Interface, SubstructureFRF
 from joint.parts import ReceptanceBlocks
 from updating.inference.parameters import DampingCurve, Nuisance
@@ -44,8 +45,8 @@ class ReleasedParts:
     nuisances: tuple[Nuisance, ...]
     damping: DampingCurve
     _engine: ParametricFRF
-    _springs: FloatArray
-    _means: FloatArray
+    _springs: Floats
+    _means: Floats
     _interface: Interface
 
     __repr__ = fields_summary
@@ -54,10 +55,10 @@ class ReleasedParts:
     def of(
         cls,
         reduced: ReducedModel,
-        frequency: FloatArray,
+        frequency: Floats,
         interface: Interface,
-        vectors: tuple[FloatArray, FloatArray, FloatArray],
-        springs: FloatArray,
+        vectors: tuple[Floats, Floats, Floats],
+        springs: Floats,
         nuisances: Sequence[Nuisance],
         damping: DampingCurve,
     ) -> ReleasedParts:
@@ -111,21 +112,21 @@ class ReleasedParts:
         knots = (f"damping at {f:.0f} Hz" for f in self.damping.knots)
         return (*(f"{n.effect} {n.parameter}" for n in self.nuisances), *knots)
 
-    def physical(self, x: FloatArray) -> FloatArray:
+    def physical(self, x: Floats) -> Floats:
         """Return the parameters in their own units: mean · exp(std · x), std · x where the mean is 0."""
         mean, std = self._priors()
         return np.where(mean > 0, mean * np.exp(std * x), std * x)
 
-    def standard(self, values: FloatArray) -> FloatArray:
+    def standard(self, values: Floats) -> Floats:
         """Return x of parameters in their own units: the inverse of `physical`."""
         return deviations(values, *self._priors())
 
-    def _priors(self) -> tuple[FloatArray, FloatArray]:
+    def _priors(self) -> tuple[Floats, Floats]:
         """Return means and standard deviations of the nuisances, then of the damping at its knots."""
         std = np.append([n.std for n in self.nuisances], np.full(len(self.damping.knots), self.damping.std))
         return np.append(self._means, self.damping.nominal), std
 
-    def evaluate(self, x: FloatArray) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
+    def evaluate(self, x: Floats) -> tuple[SubstructureFRF, tuple[ReceptanceBlocks, ...]]:
         """Return receptances and their derivatives by x."""
         n = len(self.nuisances)
         values = self.physical(x)
@@ -154,20 +155,20 @@ class ReleasedParts:
         ]
         return frf, tuple(self._blocks(each) for each in slopes)
 
-    def _blocks(self, H: ComplexArray) -> ReceptanceBlocks:
+    def _blocks(self, H: Complexes) -> ReceptanceBlocks:
         p = len(self._springs)
         return ReceptanceBlocks(H[:, :-p, :-p], H[:, :-p, -p:], H[:, -p:, :-p], H[:, -p:, -p:])
 
 
-def deviations(values: FloatArray, mean: FloatArray, std: FloatArray) -> FloatArray:
+def deviations(values: Floats, mean: Floats, std: Floats) -> Floats:
     """Return parameters in standard deviations from their means, of logarithms unless a mean is 0."""
     ratio = np.divide(values, mean, out=np.ones_like(mean), where=mean > 0)
     return np.where(mean > 0, np.log(ratio), values) / std
 
 
 def _taken_out(
-    H: ComplexArray, springs: FloatArray, model: Model, lines: FloatArray, zeta: FloatArray
-) -> tuple[ComplexArray, ComplexArray]:
+    H: Complexes, springs: Floats, model: Model, lines: Floats, zeta: Floats
+) -> tuple[Complexes, Complexes]:
     """Return S = z⁻¹ - H'_dd, (n_freq, p, p), and z, (n_freq, p)."""
     p = len(springs)
     loss = model.damping.loss_factor + 2 * np.pi * lines * model.damping.beta + 2 * zeta
@@ -177,13 +178,13 @@ def _taken_out(
     return S, z
 
 
-def _release(H: ComplexArray, S: ComplexArray, z: ComplexArray) -> ComplexArray:
+def _release(H: Complexes, S: Complexes, z: Complexes) -> Complexes:
     """Return receptances without the springs."""
     p = z.shape[1]
     return H + H[:, :, -p:] @ solve_lines(S, H[:, -p:])
 
 
-def _left(H: ComplexArray, S: ComplexArray, p: int) -> ComplexArray:
+def _left(H: Complexes, S: Complexes, p: int) -> Complexes:
     """Return 1 + H'_·d S⁻¹ E_dᵀ, by which a change of H' goes into one of H."""
     n = H.shape[1]
     out = np.broadcast_to(np.eye(n, dtype=complex), (len(H), n, n)).copy()
@@ -191,6 +192,6 @@ def _left(H: ComplexArray, S: ComplexArray, p: int) -> ComplexArray:
     return out
 
 
-def _partition(lines: FloatArray, interface: Interface, H: ComplexArray) -> SubstructureFRF:
+def _partition(lines: Floats, interface: Interface, H: Complexes) -> SubstructureFRF:
     p = len(interface.joint)
     return SubstructureFRF(lines, interface, H[:, :-p, :-p], H[:, :-p, -p:], H[:, -p:, :-p], H[:, -p:, -p:])

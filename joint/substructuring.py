@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fem.analysis.frf import FRF, FRFKind
+from fem.array_types import Complexes, Floats, Ints
 from fem.summary import fields_summary
-from joint._checks import ComplexArray, FloatArray, IntArray, check_same_lines, frozen_copy, solve_lines
+from joint._checks import check_same_lines, frozen_copy, solve_lines
 
 _LINES = 32
 
@@ -49,14 +50,14 @@ class Regularisation:
             )
             raise SubstructuringError(msg)
 
-    def solve(self, A: ComplexArray, B: ComplexArray) -> ComplexArray:
+    def solve(self, A: Complexes, B: Complexes) -> Complexes:
         """Return the regularised solution X of A X = B at each line, (n_freq, n, k)."""
         if self.method == "none":
             return solve_lines(A, B)
         U, s, Vh = np.linalg.svd(A)
         return Vh.conj().mT @ (self._filter(s)[:, :, None] * (U.conj().mT @ B))
 
-    def _filter(self, s: FloatArray) -> FloatArray:
+    def _filter(self, s: Floats) -> Floats:
         largest = s[:, :1]
         if self.method == "tsvd":
             return np.divide(1.0, s, out=np.zeros_like(s), where=s > self.amount * largest)
@@ -79,8 +80,8 @@ class Substructured:
     """
 
     frf: FRF
-    condition: FloatArray
-    gap: FloatArray
+    condition: Floats
+    gap: Floats
 
     __repr__ = fields_summary
 
@@ -175,7 +176,7 @@ def invert_substructure(
     connections: Sequence[tuple[str, str]],
     *,
     regularisation: Regularisation | None = None,
-) -> ComplexArray:
+) -> Complexes:
     """Return a joint's dynamic stiffness from the assembly alone: inverse substructuring.
 
     With DOFs on both sides of a joint without mass, the inverse of their receptances holds -Z_j between the
@@ -214,7 +215,7 @@ def invert_substructure(
 
 def interface_problem(
     parts: FRF | Sequence[FRF], connections: Sequence[tuple[str, str]], *, removed: FRF | None = None
-) -> tuple[ComplexArray, ComplexArray]:
+) -> tuple[Complexes, Complexes]:
     """Return the matrix that coupling and decoupling invert, and its right side: A = B Y Bᵀ and B Y.
 
     For `l_curve`, which shows how much to regularise.
@@ -263,9 +264,9 @@ class RegularisationCurve:
         The amount at the point of greatest curvature in the double logarithmic picture.
     """
 
-    amount: FloatArray
-    residual: FloatArray
-    solution: FloatArray
+    amount: Floats
+    residual: Floats
+    solution: Floats
     corner: float
 
 
@@ -320,7 +321,7 @@ def l_curve(
     return RegularisationCurve(tried, residual, solution, _corner(tried, residual, solution))
 
 
-def _corner(amount: FloatArray, residual: FloatArray, solution: FloatArray) -> float:
+def _corner(amount: Floats, residual: Floats, solution: Floats) -> float:
     x, y = np.log(np.maximum(residual, 1e-300)), np.log(solution)
     t = np.log(amount)
     dx, dy = np.gradient(x, t), np.gradient(y, t)
@@ -376,12 +377,12 @@ def _dual(
     return Substructured(frf, condition, gap)
 
 
-_Touched = tuple[IntArray, IntArray, IntArray, FloatArray]
+_Touched = tuple[Ints, Ints, Ints, Floats]
 
 
 def _interface(
     parts: tuple[FRF, ...], connections: Sequence[tuple[str, str]], signs: tuple[float, ...]
-) -> tuple[list[_Touched], ComplexArray, ComplexArray]:
+) -> tuple[list[_Touched], Complexes, Complexes]:
     """Return the parts' FRFs at the interface, B Y Bᵀ and B Y."""
     if not parts:
         msg = "there are no parts; at least one is needed"
@@ -407,7 +408,7 @@ def _interface(
     return touched, A, opened
 
 
-def _square(values: ComplexArray) -> FloatArray:
+def _square(values: Complexes) -> Floats:
     """Return the sum of |values|² at each line, (n_lines,)."""
     flat = values.reshape(len(values), -1).view(float)
     return np.vecdot(flat, flat)
@@ -454,11 +455,11 @@ def _check_labels(parts: tuple[FRF, ...], connections: Sequence[tuple[str, str]]
 
 
 def _condition(
-    A: ComplexArray,
+    A: Complexes,
     names: Sequence[str],
-    frequency: FloatArray,
+    frequency: Floats,
     regularisation: Regularisation | None,
-) -> FloatArray:
+) -> Floats:
     size = np.sqrt(np.maximum(np.abs(np.einsum("fii->fi", A)), 1e-300))
     scaled = A / size[:, :, None] / size[:, None, :]
     s = np.linalg.svd(scaled, compute_uv=False)

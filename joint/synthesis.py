@@ -7,15 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from joint._checks import (
-    ComplexArray,
-    FloatArray,
-    as_frequency,
-    as_lines,
-    as_square,
-    frozen_copy,
-    solve_lines,
-)
+from fem.array_types import Complexes, Floats
+from joint._checks import as_frequency, as_lines, as_square, frozen_copy, solve_lines
 from joint.interface import Interface, SubstructureFRF
 
 
@@ -35,12 +28,12 @@ class AssemblyFRF:
         Receptances x/f [m/N, rad/N, m/(N m), rad/(N m)], e^{+iωt}.
     """
 
-    frequency: FloatArray
+    frequency: Floats
     interface: Interface
-    H_nn: ComplexArray
-    H_nj: ComplexArray
-    H_jn: ComplexArray
-    H_jj: ComplexArray
+    H_nn: Complexes
+    H_nj: Complexes
+    H_jn: Complexes
+    H_jj: Complexes
 
     def __post_init__(self) -> None:
         for name in ("frequency", "H_nn", "H_nj", "H_jn", "H_jj"):
@@ -53,7 +46,7 @@ def joint_impedance(
     M: npt.ArrayLike | None = None,
     C: npt.ArrayLike | None = None,
     D: npt.ArrayLike | None = None,
-) -> ComplexArray:
+) -> Complexes:
     """Return the dynamic stiffness of a joint.
 
     Z_j(ω) = K - ω² M + iω C + i D,  ω = 2π f

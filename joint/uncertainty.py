@@ -8,10 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.summary import fields_summary
-from joint._checks import BoolArray, ComplexArray, FloatArray, IntArray
 
-Information = Callable[[int, int], tuple[FloatArray, FloatArray]]
+Information = Callable[[int, int], tuple[Floats, Floats]]
 """Gauss-Newton matrix and gradient that the lines from one up to another bring, without priors."""
 
 
@@ -51,10 +51,10 @@ class Identifiability:
     """
 
     names: tuple[str, ...]
-    std: FloatArray
-    relative: FloatArray
-    determined: BoolArray
-    correlation: FloatArray
+    std: Floats
+    relative: Floats
+    determined: Bools
+    correlation: Floats
     weakest: tuple[tuple[float, str], ...]
 
     __repr__ = fields_summary
@@ -64,7 +64,7 @@ class Identifiability:
         return tuple(self.names[i] for i in np.argsort(self.relative, kind="stable"))
 
 
-def inverse_information(A: FloatArray, fixed: BoolArray) -> FloatArray:
+def inverse_information(A: Floats, fixed: Bools) -> Floats:
     """Return the covariance (2 A)⁻¹ of parameters that are not fixed, (n, n).
 
     The information of real unknowns in circular complex noise of variance σ² is 2 Re JᴴJ / σ². Variances are
@@ -86,7 +86,7 @@ def inverse_information(A: FloatArray, fixed: BoolArray) -> FloatArray:
     return out
 
 
-def model_share(residual: ComplexArray, noise: FloatArray) -> float:
+def model_share(residual: Complexes, noise: Floats) -> float:
     """Return the part of the residual's square that is an error of the model [-].
 
     Two signs of it, of which the stronger counts: the part that neighbouring lines share, which white noise
@@ -110,7 +110,7 @@ def model_share(residual: ComplexArray, noise: FloatArray) -> float:
     return float(np.clip(max(together, beyond), 0.0, 1.0))
 
 
-def peak_count(H: ComplexArray) -> int:
+def peak_count(H: Complexes) -> int:
     """Return how many modes FRFs (n_freq, M, L) show: peaks of their mean square over ω, 1 at least."""
     size = np.abs(H) ** 2
     mean = size.mean(axis=0)
@@ -119,7 +119,7 @@ def peak_count(H: ComplexArray) -> int:
     return max(1, int(((inside > level[:-2]) & (inside >= level[2:])).sum()))
 
 
-def jackknife(A: FloatArray, information: Information, edges: IntArray, free: BoolArray) -> FloatArray:
+def jackknife(A: Floats, information: Information, edges: Ints, free: Bools) -> Floats:
     """Return the covariance of the moves of estimates as groups of lines are left out in turn, (n, n).
 
     One Gauss-Newton step for each group: (A - A_m)⁻¹ g_m. Efron, *The Jackknife, the Bootstrap and Other
@@ -148,14 +148,14 @@ def jackknife(A: FloatArray, information: Information, edges: IntArray, free: Bo
 
 
 def stated_covariance(
-    A: FloatArray,
-    fixed: BoolArray,
-    residual: ComplexArray,
-    noise: FloatArray,
+    A: Floats,
+    fixed: Bools,
+    residual: Complexes,
+    noise: Floats,
     chi2: float,
-    H: ComplexArray,
+    H: Complexes,
     information: Information,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Floats, Floats]:
     """Return the covariance with all residuals independent, and with model error beyond noise, (n, n) each.
 
     White residuals scatter as noise does: (2A)⁻¹ max(χ², 1). A part b is an error of the model
@@ -199,7 +199,7 @@ def stated_covariance(
     return independent, (1 - b) * independent + b * (moved + alike)
 
 
-def root_of(covariance: FloatArray) -> FloatArray:
+def root_of(covariance: Floats) -> Floats:
     """Return L with L Lᵀ the covariance of parameters with a finite variance, (n, n)."""
     known = np.isfinite(np.diag(covariance))
     C = np.where(np.outer(known, known), covariance, 0.0)
@@ -208,7 +208,7 @@ def root_of(covariance: FloatArray) -> FloatArray:
     return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def correlation_of(covariance: FloatArray) -> FloatArray:
+def correlation_of(covariance: Floats) -> Floats:
     """Return the correlation of estimates, (n, n): none of fixed or undetermined ones."""
     variance = np.diag(covariance)
     known = np.isfinite(variance) & (variance > 0)
@@ -219,7 +219,7 @@ def correlation_of(covariance: FloatArray) -> FloatArray:
 
 
 def weakest_combinations(
-    covariance: FloatArray, theta: FloatArray, names: tuple[str, ...]
+    covariance: Floats, theta: Floats, names: tuple[str, ...]
 ) -> tuple[tuple[float, str], ...]:
     """Return the three combinations of parameters, each relative to its own size, that are known worst."""
     variance = np.diag(covariance)

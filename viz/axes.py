@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from viz import style
 
 
@@ -33,9 +33,7 @@ def legend_above(figure: Figure, title: str, keys: Sequence[Any]) -> None:
     legend.get_title().set(fontsize=9.5, fontweight="bold")
 
 
-def heat_map(
-    ax: Axes, values: NDArray[np.float64], cmap: Any, norm: Normalize, label: str, digits: int | None
-) -> None:
+def heat_map(ax: Axes, values: Floats, cmap: Any, norm: Normalize, label: str, digits: int | None) -> None:
     """Draw a matrix as coloured cells and a bar of its colours, with its numbers if digits are given."""
     n, m = values.shape
     cmap = cmap.with_extremes(bad="#f0f1f3")

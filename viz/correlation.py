@@ -9,8 +9,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Floats
 from fem.mesh import Mesh
 from fem.model import Model
 from updating.correlation.frf_correlation import BandError
@@ -392,11 +393,7 @@ def plot_geometry_match(
 
 
 def _agreement(
-    v: NDArray[np.float64],
-    labels: tuple[Sequence[str], Sequence[str]],
-    names: tuple[str, str],
-    label: str,
-    height: float,
+    v: Floats, labels: tuple[Sequence[str], Sequence[str]], names: tuple[str, str], label: str, height: float
 ) -> Chart:
     """Describe a matrix of values from 0 to 1, with its numbers while they fit."""
     n, m = map(len, labels)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF
 from fem.array_types import Floats
+from updating.correlation import DB_PER_NEPER
 from viz import still, style
 from viz.axes import number
 from viz.chart import Axis, Band, Chart, ChartMark, Curve, Panel, Span
@@ -17,7 +18,6 @@ from viz.chart import Axis, Band, Chart, ChartMark, Curve, Panel, Span
 MAGNITUDE, PHASE, LOW, HIGH, COHERENCE = "magnitude", "phase", "low", "high", "coherence"
 """Quantities of a figure's marks: ``meta["quantity"]``, beside the curve's label ``meta["series"]``."""
 MEASURED = "measured"
-_DB_PER_NEPER = 20 / np.log(10)
 _WIDEST = 150.0
 """Prediction bands are drawn no wider than this either way [dB]."""
 
@@ -123,7 +123,7 @@ def _curves(label: str, frf: FRF, colour: str, dash: str, deviation: ArrayLike |
     spread = (
         None
         if deviation is None
-        else np.minimum(1.96 * _DB_PER_NEPER * np.asarray(deviation, dtype=float), _WIDEST)
+        else np.minimum(1.96 * DB_PER_NEPER * np.asarray(deviation, dtype=float), _WIDEST)
     )
     return Curves(label, colour, dash, frf.frequency, magnitude, phase, spread, frf.outputs, frf.inputs)
 

@@ -8,12 +8,11 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from fem.analysis.section_forces import SECTION_FORCES
 from fem.analysis.statics import StaticSolution
 from fem.analysis.stations import forces_on_lines, stresses_on_lines
-from fem.array_types import Floats
+from fem.array_types import Floats, Ints
 from fem.elements.frame import Frame
 from fem.model import Model
 from viz import style
@@ -29,8 +28,6 @@ _PIECES = 24
 """Least number of pieces along a member."""
 _HOLDERS = ("support", "joint")
 """Colours of the marks of effects that hold the structure."""
-_AXIS = {"color": style.MUTED, "line_width": 5.0}
-_MOST_NAMED = 24
 LEAST_DRAWN_FORCE = 1e-6
 """Section forces below this part of the largest of their kind, forces or moments, are not drawn [-]."""
 
@@ -196,7 +193,9 @@ def _diagram(
     way = solution.equilibrium.loads.axes.R[:, None, 1 + axis]
     tips = [np.asarray(base + (scale * values)[..., None] * way) for values in curves]
     scene = Scene(mesh.points, *(t.reshape(-1, 3) for t in tips), title=title)
-    scene.actors.append((wire_mesh(ends.reshape(-1, 3), _pairs(len(ends))), dict(_AXIS)))
+    scene.actors.append(
+        (wire_mesh(ends.reshape(-1, 3), _pairs(len(ends))), {"color": style.MUTED, "line_width": 5.0})
+    )
     for values, at in zip(curves, tips, strict=True):
         edges = [_outline(base[rows], at[rows]) for rows in mesh.members.values() if values[rows].any()]
         scene.actors += [(edge, {"color": style.INK, "line_width": 1.6}) for edge in edges]
@@ -291,7 +290,7 @@ def _outline(base: Floats, tips: Floats) -> pv.PolyData:
     return wire_mesh(points, np.column_stack([n, n + 1]))
 
 
-def _pairs(n: int) -> NDArray[np.int64]:
+def _pairs(n: int) -> Ints:
     """Return the edges between n pairs of points in a row."""
     return np.arange(2 * n).reshape(n, 2)
 
@@ -323,12 +322,12 @@ def _name_extremes(
             if abs(value) > 0.02 * abs(values).max() and not _taken(found, value, tips[rows][line, station]):
                 found.append((value, tips[rows][line, station]))
     found.sort(key=lambda pair: -abs(pair[0]))
-    for value, place in found[:_MOST_NAMED]:
+    for value, place in found[:24]:
         colour = ink or (POSITIVE if value > 0 else NEGATIVE)
         scene.labels.append(Label(place, readable(value), colour, 7.0, bold=True))
 
 
-def _taken(found: list[tuple[float, Floats]], value: float, place: NDArray[np.float64]) -> bool:
+def _taken(found: list[tuple[float, Floats]], value: float, place: Floats) -> bool:
     """Whether the same value is named at this place already, as that of another member."""
     return any(np.isclose(v, value) and np.allclose(p, place) for v, p in found)
 

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Floats
 from joint.physics import StiffnessLaw
 from viz import style
 from viz.axes import legend_above
@@ -144,7 +145,7 @@ def plot_stiffness_laws(laws: Sequence[StiffnessLaw], title: str = "") -> Figure
     return figure
 
 
-def _draw(ax: Axes, f: NDArray[np.float64], y: NDArray[Any], k: int, label: str) -> None:
+def _draw(ax: Axes, f: Floats, y: NDArray[Any], k: int, label: str) -> None:
     if k == 0:
         ax.plot(f, y, ".", color=style.MEASURED, markersize=2.6, label=label, zorder=2)
         return

@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from fem.array_types import Bools, Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,16 +21,15 @@ class Placement:
         False for a label for which there was no room.
     """
 
-    centre: NDArray[np.float64]
-    shown: NDArray[np.bool_]
+    centre: Floats
+    shown: Bools
 
 
 def place_labels(
     anchors: ArrayLike,
     sizes: ArrayLike,
-    occupied: NDArray[np.bool_],
+    occupied: Bools,
     taken: Sequence[tuple[float, float, float, float]] = (),
-    reach: float = 9.0,
 ) -> Placement:
     """Place labels around their anchors, one after the other, the first being the most important.
 
@@ -46,8 +47,6 @@ def place_labels(
         True where the picture already shows something.
     taken : sequence of (left, top, right, bottom)
         Rectangles that must stay free [pixel].
-    reach : float
-        Radius of the farthest ring in heights of the label [-].
     """
     anchors, sizes = np.array(anchors, float).reshape(-1, 2), np.array(sizes, float).reshape(-1, 2)
     height, width = occupied.shape
@@ -56,7 +55,7 @@ def place_labels(
     boxes = [tuple(map(float, box)) for box in taken]
     centre, shown = anchors.copy(), np.zeros(len(anchors), dtype=bool)
     angle = np.deg2rad([45, 135, 315, 225, 90, 270, 0, 180, 20, 160, 340, 200, 70, 110, 250, 290])
-    rings = np.geomspace(0.45, reach, 14)
+    rings = np.geomspace(0.45, 9.0, 14)  # radii in heights of the label
     for k, (anchor, (w, h)) in enumerate(zip(anchors, sizes, strict=True)):
         out = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
         gap = h * rings[:, None, None] * out

@@ -1,8 +1,8 @@
 """Shapes and colours of the markers that effects name."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import DIRECTIONS, Effect, Model
 from viz import style
 
@@ -38,7 +38,7 @@ OTHER_MARKERS = ("p", "*", "<", ">", "d", "8")
 """Shapes of kinds that name none, in turn."""
 
 
-def support_axes(effect: Effect, model: Model) -> NDArray[np.float64] | None:
+def support_axes(effect: Effect, model: Model) -> Floats | None:
     """Return the axes (3, 3) of a rigid support as rows in global components; None of any other effect.
 
     A rigid support holds one point to the ground and adds nothing to K, M, C or D. Axes along which it does

@@ -2,19 +2,18 @@
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 
-from fem.array_types import Floats
+from fem.array_types import Floats, Ints
 from viz.shapes import Arrows, arrow_triangles
 
 
-def polydata(vertices: Floats, triangles: NDArray[np.int64]) -> pv.PolyData:
+def polydata(vertices: Floats, triangles: Ints) -> pv.PolyData:
     """Return triangles as a mesh."""
     faces = np.column_stack([np.full(len(triangles), 3), triangles]).ravel()
     return pv.PolyData(vertices.astype(np.float32), faces=faces)
 
 
-def wire_mesh(vertices: Floats, edges: NDArray[np.int64]) -> pv.PolyData:
+def wire_mesh(vertices: Floats, edges: Ints) -> pv.PolyData:
     """Return edges as a mesh of lines."""
     return pv.PolyData(
         vertices.astype(np.float32), lines=np.column_stack([np.full(len(edges), 2), edges]).ravel()

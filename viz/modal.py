@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.array_types import Bools, Complexes, Floats
 from updating.modal.identified_modes import IdentifiedModes
 from updating.modal.peaks import mode_indicator
 from viz import style
@@ -16,7 +16,7 @@ from viz.axes import keys_of, legend_above
 from viz.curves import frf, frf_pairs
 from viz.still import draw
 
-Cloud = tuple[NDArray[np.bool_], str, str, str, str]
+Cloud = tuple[Bools, str, str, str, str]
 
 
 def plot_stabilisation(measured: FRF, identified: IdentifiedModes, title: str = "") -> Figure:
@@ -51,7 +51,7 @@ def over_poles(
     draw_above: Callable[[Axes, Axes], None],
     s: Any,
     clouds: Sequence[Cloud],
-    modes: NDArray[np.float64],
+    modes: Floats,
     limits: tuple[float, float],
     title: str,
 ) -> Figure:
@@ -97,7 +97,7 @@ def _indicators(ax: Axes, measured: FRF, identified: IdentifiedModes) -> None:
     size = np.sqrt((np.abs(data.H) ** 2).mean(axis=0))
     pairs = max(int((size > 0).sum()), 1)
 
-    def level(H: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def level(H: Complexes) -> Floats:
         return 10 * np.log10(np.maximum(mode_indicator(H, size) / pairs, 1e-300))
 
     of_data, residual = level(data.H), level(data.H - fit.H)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fem.array_types import Floats
+from fem.array_types import Floats, Ints
 from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.elements.part_faces import PartFaces
@@ -179,7 +179,7 @@ def displacement_at(model: Model, motion: ArrayLike, points: ArrayLike) -> NDArr
     return out
 
 
-def _points_of_parts(model: Model, places: Floats) -> NDArray[np.int64]:
+def _points_of_parts(model: Model, places: Floats) -> Ints:
     """Return the points of the mesh that belong to no member and lie at places, -1 where there is none."""
     out, mesh = np.full(len(places), -1), model.mesh
     free = np.setdiff1d(np.arange(mesh.n_points), mesh.lines)

@@ -14,7 +14,7 @@ from matplotlib.markers import MarkerStyle
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike, NDArray
 
-from fem.array_types import Floats
+from fem.array_types import Bools, Floats
 from viz import style
 from viz.layout import place_labels
 from viz.shapes import Arrows
@@ -159,9 +159,7 @@ def draw_triad(ax: Any, view: View, dpi: int) -> tuple[float, float, float, floa
     )
 
 
-def occupied_pixels(
-    picture: NDArray[np.uint8], view: View, marks: Sequence[Mark], dpi: int
-) -> NDArray[np.bool_]:
+def occupied_pixels(picture: NDArray[np.uint8], view: View, marks: Sequence[Mark], dpi: int) -> Bools:
     """Return the pixels of a picture that labels must not cover: of the structure and of markers."""
     occupied = np.asarray(np.min(picture, axis=2) < 245)
     for mark in marks:
@@ -176,7 +174,7 @@ def draw_labels(
     canvas: FigureCanvasAgg,
     view: View,
     labels: Sequence[Label],
-    occupied: NDArray[np.bool_],
+    occupied: Bools,
     taken: list[tuple[float, float, float, float]],
     dpi: int,
 ) -> None:

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from PIL import Image
 
+from fem.array_types import Floats
 from fem.model import Effect, Model
 from updating.diagnosis.evidence.places import place_of
 from updating.plan.plan import SHOWN, Outlook, Plan
@@ -98,7 +99,7 @@ def _draw(plan: Plan, surface: Surface, some: Sequence[Outlook], path: Path, tit
     return scene.save(path)
 
 
-def _places(model: Model, effect: Effect) -> NDArray[np.float64]:
+def _places(model: Model, effect: Effect) -> Floats:
     """Return where an effect is marked, (n, 3) [m]: in the middle of a member of which it changes all."""
     places, mesh = effect.locations(model), model.mesh
     if len(places):

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.analysis.tabulated import Tabulated
+from fem.array_types import Floats
 from viz import style
 from viz.chart import Axis, Chart, Curve, Panel
 from viz.curves import frequency_axis
@@ -34,18 +34,14 @@ def plot_transmissibility(frf: FRF, response: str, *, relative: bool = False) ->
     panels = []
     for j, motion in enumerate(frf.inputs):
         sizes = np.abs(frf.H[:, :_MOST_CURVES, j])
-        shown = sizes[sizes > _DEEPEST * sizes.max(initial=0.0)]
-        limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
+        limits = _limits(sizes, sizes)
         label = f"{'relative ' * relative}{response} [{unit}]\n{motion}"
         panels.append(Panel(_curves(frf.frequency, sizes, frf.outputs), Axis(label, limits, log=True), 1.0))
     return _stacked(panels, frequency_axis(frf.frequency), _heading("", len(frf.outputs)))
 
 
 def plot_histories(
-    time: NDArray[np.float64],
-    panels: Sequence[tuple[str, NDArray[np.float64]]],
-    names: Sequence[str],
-    title: str = "",
+    time: Floats, panels: Sequence[tuple[str, Floats]], names: Sequence[str], title: str = ""
 ) -> Figure:
     """Plot histories over time.
 
@@ -66,11 +62,7 @@ def plot_histories(
 
 
 def plot_densities(
-    frequency: NDArray[np.float64],
-    densities: NDArray[np.float64],
-    names: Sequence[str],
-    unit: str,
-    title: str = "",
+    frequency: Floats, densities: Floats, names: Sequence[str], unit: str, title: str = ""
 ) -> Figure:
     """Plot power spectral densities over frequency, both axes logarithmic.
 
@@ -89,15 +81,11 @@ def plot_densities(
     """
     values = np.maximum(densities[:, :_MOST_CURVES], 1e-300)
     curves = _curves(frequency, values, names)
-    shown = values[values > _DEEPEST * densities.max(initial=0.0)]
-    limits = (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None
-    y = Axis(f"power spectral density [{unit}]", limits, log=True)
+    y = Axis(f"power spectral density [{unit}]", _limits(values, densities), log=True)
     return draw(Chart(curves, frequency_axis(frequency, log=True), y, _heading(title, len(names))))
 
 
-def plot_spectra(
-    spectra: Mapping[str, Tabulated], frequencies: NDArray[np.float64], title: str = ""
-) -> Figure:
+def plot_spectra(spectra: Mapping[str, Tabulated], frequencies: Floats, title: str = "") -> Figure:
     """Plot response spectra of the base, with a mark at each mode.
 
     Parameters
@@ -121,7 +109,7 @@ def plot_spectra(
     return draw(Chart(marks, Axis("frequency [Hz]", (low, high), log=True), y, title))
 
 
-def _curves(x: NDArray[np.float64], values: NDArray[np.float64], names: Sequence[str]) -> list[Curve]:
+def _curves(x: Floats, values: Floats, names: Sequence[str]) -> list[Curve]:
     """Return the first columns of values as curves."""
     each = zip(values.T, names, style.SERIES, strict=False)
     return [Curve(x=x, y=y, name=name, colour=colour, dash="-", width=1.3) for y, name, colour in each]
@@ -139,3 +127,9 @@ def _heading(title: str, n: int) -> str:
     if n <= _MOST_CURVES:
         return title
     return f"{title}{', ' if title else ''}the first {_MOST_CURVES} of {n}"
+
+
+def _limits(values: Floats, of: Floats) -> tuple[float, float] | None:
+    """Return the ends of a logarithmic axis of values, without those far below the largest of some."""
+    shown = values[values > _DEEPEST * of.max(initial=0.0)]
+    return (float(shown.min() / 2), float(2 * shown.max())) if shown.size else None

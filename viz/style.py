@@ -93,9 +93,9 @@ def look() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float = WIDTH, height: float = 4.0, *, constrained: bool = True) -> Figure:
+def new_figure(width: float = WIDTH, height: float = 4.0) -> Figure:
     """Return an empty figure with an Agg canvas, which needs no screen; sizes in inches."""
-    figure = Figure(figsize=(width, height), layout="constrained" if constrained else None)
+    figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 

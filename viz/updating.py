@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from updating.inference.updated import Updated
 from viz import style
 from viz.chart import Chart, Matrix, columns, rows
@@ -146,7 +146,7 @@ def plot_correlation(updated: Updated) -> Figure:
     return draw(Chart(marks, columns(names), rows(names), size=(size + 1.2, size)))
 
 
-def plot_bootstrap(updated: Updated, values: NDArray[np.float64]) -> Figure:
+def plot_bootstrap(updated: Updated, values: Floats) -> Figure:
     """Draw the 5 to 95 % range of refits of each parameter with the linearised interval.
 
     Both are relative to the fitted value; of parameters fitted to zero, in their unit.

@@ -15,7 +15,7 @@ from benchmarks.validation.hiding import NEAR
 from fem import Effect
 from updating import UNEXPLAINED, Diagnosis, ModeDiagnosis
 from updating.correlation import DB_PER_NEPER
-from updating.diagnosis.evidence import UNKNOWN, Hypothesis, Search, Searched
+from updating.diagnosis.evidence import UNKNOWN, ScoredFit, Search, Searched
 
 CREDIBLE = 0.9
 """Probability that the hypotheses of a credible set have together [-]."""
@@ -67,7 +67,7 @@ class Stated:
         return out
 
 
-def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> Hypothesis | None:
+def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> ScoredFit | None:
     """Return the best fit that begins at the truth; None if the library does not have it.
 
     The library may have several ways to state it, each with one or several effects.
@@ -98,16 +98,16 @@ def loss_of(right: bool, faults_right: bool, answer: float, truth: float | None)
     return LOST_BY_SEARCH if truth > answer + SEARCH_LOSS else LOST_BY_DATA
 
 
-def credible_set(done: Searched) -> list[tuple[Hypothesis | None, float]]:
+def credible_set(done: Searched) -> list[tuple[ScoredFit | None, float]]:
     """Return the fewest hypotheses with ``CREDIBLE`` together; None is any effect outside the library."""
-    every: list[tuple[Hypothesis | None, float]] = [(h, done.probability(h)) for h in done.hypotheses]
+    every: list[tuple[ScoredFit | None, float]] = [(h, done.probability(h)) for h in done.hypotheses]
     every.append((None, done.unknown_probability))
     every.sort(key=lambda pair: -pair[1])
     before = np.cumsum([0.0, *(p for _, p in every[:-1])])
     return [pair for pair, total in zip(every, before, strict=True) if total < CREDIBLE]
 
 
-def located(done: Searched, h: Hypothesis) -> float:
+def located(done: Searched, h: ScoredFit) -> float:
     """Return the probability that effects are within ``NEAR`` of their members' lengths from their positions.
 
     By the normal posterior of each.
@@ -146,7 +146,7 @@ def assess(
     truth = at_truth(done.search, ways)
     members = credible_set(done)
 
-    def fits_truth(h: Hypothesis | None) -> bool:
+    def fits_truth(h: ScoredFit | None) -> bool:
         return truth is None if h is None else faults_right and is_right(h.effects)
 
     probability = done.unknown_probability if unexplained else done.probability(best) * located(done, best)
@@ -174,7 +174,7 @@ def assess(
     }
 
 
-def within(h: Hypothesis) -> Iterator[tuple[Effect, ...]]:
+def within(h: ScoredFit) -> Iterator[tuple[Effect, ...]]:
     """Yield the effects of a hypothesis, their positions up to ``COVERED`` deviations from the fits'."""
     std = h.fitted.std
     shares = np.linspace(-COVERED, COVERED, N_WITHIN)

@@ -8,7 +8,6 @@ from dovetail.commands.argument_types import count, positive, share
 from dovetail.commands.common import Options, loaded
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress, write_json
-from dovetail.file.table import StudyError
 
 if TYPE_CHECKING:
     from dovetail.file.contents import StudyContents
@@ -84,36 +83,19 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 def run(options: Options, progress: Progress) -> Answer:
     """Return which relevant effects a test sees and names."""
     from dovetail.plan import (
-        choose_channels,
         plan_study,
         require_planned,
         separate_twins,
-        with_channels,
+        with_chosen,
     )
     from dovetail.report import planning
     from updating.plan.plan import with_averages
 
-    if options.excitations is not None and options.choose is None:
-        msg = "--excitations chooses forces in addition to sensors; give the number of sensors: --choose N"
-        raise StudyError(msg)
-    if options.add is not None and options.choose is not None:
-        msg = "--add keeps the study's sensors, and --choose chooses all; give one of them"
-        raise StudyError(msg)
     study = loaded(options)
     if options.check or options.separate:
         require_planned(study, options.noise, options.left)
-    chosen = None
-    if n_sensors := options.choose or options.add:
-        chosen = choose_channels(
-            study,
-            n_sensors,
-            options.excitations,
-            options.noise,
-            options.left,
-            progress,
-            added=options.add is not None,
-        )
-        study = with_channels(study, chosen)
+    test = options.add, options.choose, options.excitations
+    study, chosen = with_chosen(study, *test, options.noise, options.left, progress)
     plan = plan_study(study, options.noise, options.left, progress)
     apart = separate_twins(study, plan, options.mass, progress) if options.separate else []
     quieter = None

@@ -13,7 +13,7 @@ from dovetail.disk.output import Output, check_outputs, result_folder
 from dovetail.file.config import StudyContents, load_study
 from dovetail.file.paths import input_files
 from dovetail.file.toml import with_values
-from dovetail.found import fitted_text
+from dovetail.found import fit_estimates, fitted_text
 from dovetail.pipeline import Progress, analysed, fit_problem, formed_fit_problem, write
 from dovetail.result import NAMES
 from fem.io.atomic import replacing
@@ -59,7 +59,8 @@ def save_study(study: StudyContents, live: LiveModel, h: Hypothesis, path: Path)
     model = model_of(study, live, h)
     form = {e.name for e in form_of(live, h)}
     effects = (*(e for e in model.effects if e.name in form), *result.effects)
-    text = fitted_text(study, compared, live.problem, result, model, effects, h.faults)
+    estimates = fit_estimates(live.problem_of(h), result, model)
+    text = fitted_text(study, compared, live.problem, result, model, estimates, effects, h.faults)
     if h.held_out != held_out_of(study):
         text = with_values(text, {("fit", "held_out"): sorted(h.held_out)})
     frf = data.measurement.frf

@@ -25,6 +25,7 @@ from dovetail.file.connections import (
 from dovetail.file.contents import SourceDeck, StudyContents
 from dovetail.file.conventions import check_phase
 from dovetail.file.effects import candidates_of, known_candidates, read_changes, read_effects, read_values
+from dovetail.file.estimates import read_estimates
 from dovetail.file.faults import as_mounted, read_faults
 from dovetail.file.fit_table import read_fit
 from dovetail.file.geometry import (
@@ -77,6 +78,7 @@ from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable,
 from dovetail.file.uncertain import mode_std, read_uncertain, with_shear
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
+from fem.checks import with_ties_known
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
 from fem.elements.frame import Frame
@@ -122,6 +124,7 @@ TABLES = (
     "initial",
     "effects",
     "fitted_form",
+    "estimates",
     "damping",
     "sensors",
     "excitations",
@@ -478,6 +481,7 @@ class _Reader:
             changes=read_changes(top),
             states=self._states(self._modal_test(raw, sensors, excitations)),
             source=self._source(),
+            estimates=read_estimates(top),
         )
 
     def _modal_test(
@@ -650,7 +654,7 @@ class _Reader:
             model = read_rotation(top, read_values(top, with_shear(top, model)), notes)
             refuse_space(top, model)
             model.contributions()  # finds values that no matrix can be made of
-        return model
+        return with_ties_known(model)
 
     def _measured(
         self,

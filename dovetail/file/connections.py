@@ -57,7 +57,8 @@ def _place(t: StudyTable, geometry: Geometry, what: str) -> dict[str, Any]:
         t.refuse(
             "",
             f"both sides of the {what} are the same point; give point1 or member1 and "
-            "position1, and a second side or none for the ground",
+            "position1, and a second side or none for the ground. Members that end on another are welded to "
+            "it there, unless [mesh] has connect = false",
         )
     points = geometry.mesh.points
     middle = points[point1] if point2 is None else (points[point1] + points[point2]) / 2

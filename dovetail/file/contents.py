@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.file.ambient import AmbientTest
+from dovetail.file.estimates import FittedEstimate
 from dovetail.file.loads import Loads
 from dovetail.file.measured_modes import (
     MeasuredModes,
@@ -134,6 +135,8 @@ class StudyContents:
         How well sensors and excitations are described.
     source : SourceDeck or None
         The deck that it was made of.
+    estimates : mapping of str to FittedEstimate
+        Of parameters that were fitted, by ``effect.parameter``.
     """
 
     name: str
@@ -179,6 +182,7 @@ class StudyContents:
     relevant: Relevant = Relevant()  # noqa: RUF009 - frozen
     channel_errors: ChannelErrors = USUAL
     source: SourceDeck | None = None
+    estimates: Mapping[str, FittedEstimate] = field(default_factory=dict)
 
     @property
     def length_unit(self) -> float:

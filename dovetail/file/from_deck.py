@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from dovetail.file.toml import CONVERTED_DIGITS, rounded, toml_comment, toml_key, toml_table, toml_value
+from dovetail.file.uncertain import assumed_tables
+from fem.checks import with_ties_known
 from fem.effects.added_mass import AddedMass
 from fem.effects.distributed_mass import DistributedMass
 from fem.effects.joint import Joint
@@ -148,7 +150,7 @@ def _units(units: str | Sequence[float]) -> str | list[float]:
 
 
 def _of_deck(deck: FrameDeck, units: DeckUnits) -> Structure:
-    model = model_of(deck)
+    model = with_ties_known(model_of(deck))
     mesh = model.mesh
     check_names([*mesh.members, *mesh.groups], deck.file)
     counts = [
@@ -381,7 +383,7 @@ def _damping(damping: Damping | None) -> str:
 # A study without a test -------------------------------------------------------------------------------------
 
 _STUBS = """\
-# What a test adds: where it measures and excites, its FRFs, and what is uncertain.
+# What a test adds: where it measures and excites, and its FRFs.
 #
 # [[sensors]]
 # name = "tip"
@@ -395,11 +397,6 @@ _STUBS = """\
 #
 # [[measurements]]
 # file = "frf.uff"
-#
-# [uncertain] # relative standard deviations
-# E = 0.02
-# rho = 0.01
-# damping = 0.5
 """
 
 
@@ -420,4 +417,5 @@ def study_text(structure: Structure, name: str) -> str:
 name = {toml_value(Path(name).stem)}
 
 {structure.text}
-{_STUBS.replace("{point}", toml_value(place))}"""
+{_STUBS.replace("{point}", toml_value(place))}
+{assumed_tables()}"""

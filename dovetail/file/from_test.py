@@ -14,6 +14,7 @@ from dovetail.file.from_deck import Structure, named_from
 from dovetail.file.named_points import NamedPoints
 from dovetail.file.table import StudyError
 from dovetail.file.toml import toml_table, toml_value
+from dovetail.file.uncertain import assumed_tables
 from fem.analysis.frf import FRF
 from fem.io.frf_files import read_frfs
 from fem.io.frf_reading import Asked
@@ -292,8 +293,4 @@ name = {toml_value(title)}
 
 {structure.text}
 {toml_table("[[measurements]]", {"file": named_from(folder, measured), **stated})}
-[uncertain] # relative standard deviations
-E = 0.02
-rho = 0.01
-damping = 0.5
-"""
+{assumed_tables()}"""

@@ -1,7 +1,7 @@
 """The mesh of a study: from a file, or from points and members written into the study."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -260,6 +260,10 @@ def _inline_mesh(
     for name, (a, b) in pairs.items():
         if np.linalg.norm(xyz[b] - xyz[a]) <= max(TOUCH * size, 1e-12):
             members.refuse(name, f"the member has no length: both ends are at {xyz[a].tolist()} m")
+    if connect:
+        xyz, number = _one_point_a_weld(xyz, pairs.values(), TOUCH * size)
+        pairs = {name: (number[a], number[b]) for name, (a, b) in pairs.items()}
+        names = {name: number[k] for name, k in names.items()}
     lines: list[tuple[int, int]] = []
     sets: dict[str, list[int]] = {}
     welds: dict[str, list[str]] = {}
@@ -275,6 +279,22 @@ def _inline_mesh(
         notes.append(f"members that end on another are welded to it there: {words}")
     with members.at():
         return Mesh.from_lines(xyz, lines, sets, names)
+
+
+def _one_point_a_weld(
+    xyz: NDArray[np.float64], pairs: Iterable[tuple[int, int]], tolerance: float
+) -> tuple[NDArray[np.float64], list[int]]:
+    """Return the points of which those at one place inside a member are one, and the new number of each.
+
+    All of them are welded to that member there, so that they are names of one point.
+    """
+    same = list(range(len(xyz)))
+    for a, b in pairs:
+        for first, second in pairwise(_ends_on(xyz, a, b, tolerance)):
+            if np.linalg.norm(xyz[second] - xyz[first]) <= 2 * tolerance:
+                same[second] = same[first]
+    kept = sorted(set(same))
+    return xyz[kept], [kept.index(k) for k in same]
 
 
 def _ends_on(xyz: NDArray[np.float64], a: int, b: int, tolerance: float) -> list[int]:

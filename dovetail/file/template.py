@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.file.config import load_study
+from dovetail.file.uncertain import assumed_tables
 from fem.analysis.frf import FRF
 from fem.analysis.frf_solver import compute_frf
 from fem.effects.added_mass import AddedMass
@@ -21,6 +22,7 @@ def write_template(folder: Path) -> None:
     The FRFs are those of the study's own model with a mass that the study does not know, and 1 % noise.
     """
     text = resources.files("dovetail.file").joinpath("templates/study.toml").read_text(encoding="utf-8")
+    text = text.replace("{uncertain}", assumed_tables())
     file = folder / "study.toml"
     file.write_text(re.sub(r"\[\[measurements\]\]\n(?:[^\n]+\n)*", "", text), encoding="utf-8")
     study = load_study(file)

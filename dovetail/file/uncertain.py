@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 
+import numpy as np
+
+from dovetail.file.settings import SHARES
 from dovetail.file.table import StudyTable
 from fem.effects.joint import Joint
 from fem.effects.section_shear import SectionShear
@@ -9,21 +12,49 @@ from fem.effects.superelement import Superelement
 from fem.elements.frame import Frame
 from fem.materials import Material
 from fem.model import DIRECTIONS, Model
+from updating.inference.belief import FORM_SECTION
 from updating.inference.parameters import Nuisance
 from updating.inference.patches import with_turning
+from updating.measurement.channel_errors import USUAL
 
 MASS_SHARE = 0.4
 """Standard deviation of a part's mass in those of its stiffness [-]: 2 % where that is 5 %."""
 
 SHEAR_STD = 0.3
 """Relative standard deviation of shear coefficients of sections with walls, unless the study gives it."""
+USUAL_STD = {"E": 0.02, "rho": 0.01, "joints": 0.05, "parts": 0.05, "shear": SHEAR_STD, "damping": 0.5}
+"""Relative standard deviations that are assumed unless the study gives them."""
+
+
+def assumed_tables() -> str:
+    """Return tables of all tolerances that a study assumes, those of materials and damping as values."""
+    std, of_test = USUAL_STD, USUAL
+    form = [f"{word} = {FORM_SECTION[keys[0]]}" for word, keys in SHARES.items()]
+    return f"""\
+[uncertain] # relative standard deviations; a line behind a # states what is assumed without it
+E = {std["E"]}
+rho = {std["rho"]}
+damping = {std["damping"]} # of its logarithm
+# joints = {std["joints"]} # each stiffness of each joint
+# parts = {std["parts"]} # stiffness of parts of other programs; their mass {MASS_SHARE} of it
+# shear = {std["shear"]} # shear coefficients of sections with walls
+
+# [form] # relative standard deviations of sections
+{"".join(f"# {line}" + chr(10) for line in form)}
+# [channel_errors] # standard deviations of the test
+# gain = {of_test.gain} # relative, of sensitivities
+# direction = {np.degrees(of_test.direction):g} # °
+# position = {of_test.position} # m
+# sensor_mass = {of_test.sensor_mass} # kg
+# driver_mass = {of_test.driver_mass} # kg
+# stinger = {of_test.stinger} # N/m, across the force
+"""
 
 
 def read_uncertain(top: StudyTable, model: Model, notes: list[str]) -> tuple[tuple[Nuisance, ...], float]:
     """Read ``[uncertain]``: relative standard deviations; 0 for a known parameter."""
     t = top.table("uncertain")
-    default = {"E": 0.02, "rho": 0.01, "joints": 0.05, "parts": 0.05, "shear": SHEAR_STD, "damping": 0.5}
-    std = {key: t.number(key, None, least=0) for key in default}
+    std = {key: t.number(key, None, least=0) for key in USUAL_STD}
     shear, parts, joints = model.of_kind(SectionShear), model.of_kind(Superelement), model.of_kind(Joint)
     there = {"E": bool(model.mesh.members), "rho": bool(model.mesh.members), "parts": bool(parts)}
     there |= {"joints": any(j.elastic for j in joints), "shear": bool(shear)}
@@ -41,7 +72,7 @@ def read_uncertain(top: StudyTable, model: Model, notes: list[str]) -> tuple[tup
             "default standard deviations, for those that are not given: "
             f"{', '.join(words[key] for key in assumed)}"
         )
-    std = {key: default[key] if value is None else value for key, value in std.items()}
+    std = {key: USUAL_STD[key] if value is None else value for key, value in std.items()}
     frame = model.effect("frame")
     materials: dict[str, Material] = frame.materials if isinstance(frame, Frame) else {}
     out = _of_materials(t.table("materials"), materials, std)

@@ -1,8 +1,10 @@
 """Diagnoses as a user meets them: the verdict and the staircase of errors as tables."""
 
-from dataclasses import dataclass, fields
+import os
+from dataclasses import dataclass, field, fields
 from html import escape
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from dovetail.notebook.html import table
 from dovetail.report import words
@@ -11,18 +13,53 @@ from fem.analysis.labelled import imported
 from updating.diagnosis import diagnose, mode_diagnosis
 from updating.diagnosis.verdict import Verdict
 
+if TYPE_CHECKING:
+    from dovetail.pipeline import Progress
+    from dovetail.result import RunResult
+
+StudyVerdict: TypeAlias = "StudyDiagnosis | StudyModeDiagnosis"
 V = TypeVar("V", bound=Verdict)
 
 
 class Tables:
-    """Tables and the figure that all diagnoses have in a notebook."""
+    """What all diagnoses of a study have: tables and a figure, the study with what was found, a report."""
 
     __slots__ = ()
 
     @classmethod
-    def of(cls: type[V], found: Verdict) -> V:  # pyright: ignore[reportGeneralTypeIssues]
-        """Return a diagnosis with tables."""
-        return cls(**{f.name: getattr(found, f.name) for f in fields(found)})
+    def of(cls: type[V], found: Verdict, study: Any) -> V:  # pyright: ignore[reportGeneralTypeIssues]
+        """Return a diagnosis of a study with tables."""
+        values: dict[str, Any] = {f.name: getattr(found, f.name) for f in fields(found)}
+        values["diagnosed"] = study
+        return cls(**values)
+
+    @property
+    def study(self: "StudyVerdict") -> Any:  # pyright: ignore[reportGeneralTypeIssues]
+        """The study with what was found: fitted values, effects, and corrected faults of the measurement."""
+        return self.diagnosed.with_found(self)
+
+    def report(
+        self: "StudyVerdict",  # pyright: ignore[reportGeneralTypeIssues]
+        out: str | os.PathLike[str],
+        progress: "Progress | None" = None,
+    ) -> "RunResult[Any]":
+        """Write the report of this diagnosis into a folder, as :meth:`dovetail.Study.run` does.
+
+        Parameters
+        ----------
+        out : path
+            Folder that is new, empty, or of an earlier run.
+        progress : callable, optional
+            Called with a text and the fraction done.
+
+        Raises
+        ------
+        OutputError
+            If ``out`` holds something else.
+        """
+        from dovetail.pipeline import report
+
+        return report(self.diagnosed, self, Path(out), progress)
 
     def plot(self: Verdict) -> Any:  # pyright: ignore[reportGeneralTypeIssues]
         """Return an interactive plotly figure of the error after each step, above the noise floor."""
@@ -43,12 +80,26 @@ class Tables:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class StudyModeDiagnosis(Tables, mode_diagnosis.ModeDiagnosis):
-    """Which effects a study's model lacks by its measured modes."""
+    """Which effects a study's model lacks by its measured modes.
+
+    Attributes
+    ----------
+    diagnosed : Study
+    """
+
+    diagnosed: Any = field(kw_only=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class StudyDiagnosis(Tables, diagnose.Diagnosis):
-    """Which effects a study's model lacks; the fields are those of :class:`updating.Diagnosis`."""
+    """Which effects a study's model lacks; the fields are those of :class:`updating.Diagnosis`.
+
+    Attributes
+    ----------
+    diagnosed : Study
+    """
+
+    diagnosed: Any = field(kw_only=True)
 
     def plot_ranking(self, round_: int = 1) -> Any:
         """Return an interactive plotly figure of the error with each candidate of a round [dB].

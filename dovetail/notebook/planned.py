@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from dovetail.notebook.html import table
 from dovetail.report import planning
 from fem.summary import summary
+from updating.plan.choose import ChosenChannels
 from updating.plan.plan import Plan
 
 
@@ -16,9 +17,12 @@ class Planned:
     ----------
     plan : Plan
         With all effects, their least sizes and rivals.
+    chosen : ChosenChannels or None
+        Sensors and forces that were added or chosen, where this was asked for.
     """
 
     plan: Plan
+    chosen: ChosenChannels | None = None
 
     def __repr__(self) -> str:
         """Return the shares of relevant effects that are seen and named on one line."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.analysis.frf_solver import compute_frf
@@ -18,6 +18,7 @@ from fem.analysis.participation import rigid_motion_field
 from fem.analysis.planar import refuse_motion
 from fem.analysis.selection import Selection, dof_columns
 from fem.analysis.statics import factor_stiffness
+from fem.array_types import Complexes, Floats
 from fem.declarations import Role
 from fem.model import DIRECTIONS, Law, Model, ModelError
 from fem.system import System, law_change, particular
@@ -33,11 +34,11 @@ _ROUNDING = 1e-9
 class _Forces:
     """Vectors (n_dof,) of Z r - f_g, each with a factor that depends on ω."""
 
-    K: NDArray[np.float64]
-    M: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
-    laws: tuple[tuple[Law, NDArray[np.float64]], ...]
+    K: Floats
+    M: Floats
+    C: Floats
+    D: Floats
+    laws: tuple[tuple[Law, Floats], ...]
 
 
 def compute_base_frf(
@@ -121,9 +122,7 @@ def compute_base_frf(
     return FRF.from_arrays(lines, H, FRFKind.RECEPTANCE, out_labels, labels).as_kind(kind)
 
 
-def rigid_base_load(
-    system: System, direction: str, about: ArrayLike | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def rigid_base_load(system: System, direction: str, about: ArrayLike | None = None) -> tuple[Floats, Floats]:
     """Return the rigid motion r of all of the base and M r, shapes (n_dof,).
 
     In coordinates relative to the base an acceleration a of it acts as the forces -M r a.
@@ -145,9 +144,7 @@ def rigid_base_load(
     return r, forces.M
 
 
-def _followed(
-    system: System, motion: Motion, place: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], _Forces, str]:
+def _followed(system: System, motion: Motion, place: Floats) -> tuple[Floats, _Forces, str]:
     """Return the slow motion r (n_dof,), the forces that it leaves, and a label."""
     model = system.model
     constraints = model.constraints()
@@ -195,7 +192,7 @@ def _followed(
     return r, _forces(model, r, base, name, settled=not system.rigid.shape[1]), label
 
 
-def _check_rigid(system: System, base: NDArray[np.float64], motion: str) -> None:
+def _check_rigid(system: System, base: Floats, motion: str) -> None:
     """Raise an error if a rigid motion of all violates a constraint within the structure."""
     for c in system.model.constraints():
         size = np.abs(c.coefficients) @ np.abs(base[c.dofs])
@@ -226,14 +223,7 @@ def _grounded(model: Model) -> tuple[str, ...]:
     return tuple(dict.fromkeys(out))
 
 
-def _forces(
-    model: Model,
-    r: NDArray[np.float64],
-    base: NDArray[np.float64],
-    name: str | None,
-    *,
-    settled: bool = False,
-) -> _Forces:
+def _forces(model: Model, r: Floats, base: Floats, name: str | None, *, settled: bool = False) -> _Forces:
     """Return Z r - f_g by parts; the ground moves with ``base`` under one effect, or under all (None)."""
     grounded = _grounded(model) if name is None else (name,)
     total = {key: np.zeros(model.n_dof) for key in "KMCD"}
@@ -263,13 +253,13 @@ def _forces(
 
 
 def _loads(
-    model: Model, forces: _Forces, omega: NDArray[np.float64], mass_damping: str
-) -> tuple[list[NDArray[np.float64]], list[NDArray[np.complex128]]]:
+    model: Model, forces: _Forces, omega: Floats, mass_damping: str
+) -> tuple[list[Floats], list[Complexes]]:
     """Return the loads (n_dof,) on q and their factors (n_freq,), with the structure's damping."""
     damping = model.damping
     alpha = damping.alpha if mass_damping == "absolute" else 0.0
     stiffness = 1 + 1j * (damping.loss_factor + omega * damping.beta)
-    parts: list[tuple[NDArray[np.float64], Any]] = [
+    parts: list[tuple[Floats, Any]] = [
         (forces.K, -stiffness),
         (forces.M, omega**2 - 1j * omega * alpha),
         (forces.C, -1j * omega),

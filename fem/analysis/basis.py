@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.modes import Eigenpairs, solve_eigenpairs
+from fem.array_types import Bools, Floats
 from fem.linalg.solvers import Factor, factorise
 from fem.model import Constraint
 from fem.system import System, particular, sum_contributions
@@ -36,21 +36,21 @@ class Basis:
         σ, a little below zero or between the modes [1/s²].
     """
 
-    T: NDArray[np.float64]
+    T: Floats
     n_main: int
     keys: tuple[tuple[str, str], ...]
     n_modes: int
     n_rigid: int
-    V: NDArray[np.float64]
+    V: Floats
     factor: Factor
     shift: float
 
-    def extended(self, system: System, forces: NDArray[np.float64]) -> "Basis":
+    def extended(self, system: System, forces: Floats) -> "Basis":
         """Return the basis with the responses to more forces (n_dof, k), as far as it lacks them."""
         load = without_modes(system, self.V[:, : self.n_modes], np.asarray(system.Q.T @ forces))
         return self._with(system, self.factor.solve(load))
 
-    def with_shapes(self, system: System, shapes: NDArray[np.float64], share: float = 0.0) -> "Basis":
+    def with_shapes(self, system: System, shapes: Floats, share: float = 0.0) -> "Basis":
         """Return the basis with more motions (n_dof, k), which may violate releasable constraints.
 
         Without what it lacks of them in directions that are less than a ``share`` of their sizes.
@@ -66,7 +66,7 @@ class Basis:
             vectors = missing @ directions[:, squares > share**2]
         return self._with(system, vectors)
 
-    def _with(self, system: System, vectors: NDArray[np.float64]) -> "Basis":
+    def _with(self, system: System, vectors: Floats) -> "Basis":
         """Return the basis with more vectors (n_free, k) on the independent coordinates."""
         more = _without(system, self.V, vectors)
         if not more.shape[1]:
@@ -79,7 +79,7 @@ class Basis:
 
 def reduced_basis(
     system: System,
-    forces: NDArray[np.float64],
+    forces: Floats,
     max_frequency: float,
     *,
     margin: float = 2.0,
@@ -110,7 +110,7 @@ def reduced_basis(
     pairs = solve_eigenpairs(system, max_frequency=margin * max_frequency, unstable=True)
     pairs = _nearly_static(system, pairs)
     released, inertia = _constraint_modes(system, pairs, release)
-    free: NDArray[np.bool_] = np.any(released, axis=0)  # not those that another constraint holds as well
+    free: Bools = np.any(released, axis=0)  # not those that another constraint holds as well
     release, released, inertia = (
         tuple(c for c, yes in zip(release, free.tolist(), strict=True) if yes),
         released[:, free],
@@ -132,9 +132,7 @@ def reduced_basis(
     return Basis(T, V.shape[1], keys, pairs.vectors.shape[1], pairs.n_rigid, V, pairs.factor, pairs.shift)
 
 
-def without_modes(
-    system: System, modes: NDArray[np.float64], loads: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def without_modes(system: System, modes: Floats, loads: Floats) -> Floats:
     """Return loads (n_free, k) without the part that moves the modes.
 
     Their response then has no part in the modes either. Taken away from a response instead, that part would
@@ -156,7 +154,7 @@ def _nearly_static(system: System, pairs: Eigenpairs) -> Eigenpairs:
     return replace(pairs, factor=factorise(system.K - shift * system.M), shift=shift)
 
 
-def _without(system: System, V: NDArray[np.float64], block: NDArray[np.float64]) -> NDArray[np.float64]:
+def _without(system: System, V: Floats, block: Floats) -> Floats:
     """Return columns of M-norm 1 without their part in M-orthonormal V.
 
     Those that V contains but for rounding are dropped.
@@ -169,12 +167,12 @@ def _without(system: System, V: NDArray[np.float64], block: NDArray[np.float64])
     return block[:, keep] / after[keep]
 
 
-def _sizes(system: System, X: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sizes(system: System, X: Floats) -> Floats:
     """Return the M-norms of columns."""
     return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, system.M @ X), 0.0))
 
 
-def _orthonormal(system: System, columns: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _orthonormal(system: System, columns: list[Floats]) -> Floats:
     """Return M-orthonormal columns that span the given ones; modes come first and stay as they are."""
     V = columns[0]
     for block in columns[1:]:
@@ -192,7 +190,7 @@ def _orthonormal(system: System, columns: list[NDArray[np.float64]]) -> NDArray[
 
 def _constraint_modes(
     system: System, pairs: Eigenpairs, release: tuple[Constraint, ...]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Return the responses to unit violations of constraints, and M times them, both (n_dof, p)."""
     n_dof = system.model.n_dof
     if not release:
@@ -236,19 +234,19 @@ class Complement:
         Coordinates of the parts of A⁻¹b and A⁻¹MQ that were too small to become vectors.
     """
 
-    Q: NDArray[np.float64]
-    response: NDArray[np.float64]
-    M: NDArray[np.float64]
-    B: NDArray[np.float64]
-    BB: NDArray[np.float64]
-    lost: NDArray[np.float64]
+    Q: Floats
+    response: Floats
+    M: Floats
+    B: Floats
+    BB: Floats
+    lost: Floats
 
     @property
     def complete(self) -> bool:
         """Whether there is no further vector."""
         return self.response.shape[1] == 0
 
-    def outside(self, system: System, shift: float) -> NDArray[np.float64]:
+    def outside(self, system: System, shift: float) -> Floats:
         """Return coordinates (q, n + p), orthonormal in A, of the parts of A⁻¹b and A⁻¹MQ outside Q.
 
         By construction only the last block has any that is not tiny.
@@ -260,13 +258,13 @@ class Complement:
         return np.vstack([rows, self.lost])
 
 
-def root_of(G: NDArray[np.float64]) -> NDArray[np.float64]:
+def root_of(G: Floats) -> Floats:
     """Return R with RᵀR = G, which is symmetric and not negative but for rounding."""
     eigenvalues, vectors = np.linalg.eigh((G + G.T) / 2)
     return np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
 
 
-def complement(system: System, pairs: Eigenpairs, loads: NDArray[np.float64]) -> Complement:
+def complement(system: System, pairs: Eigenpairs, loads: Floats) -> Complement:
     """Return the complement of modes for forces (n_free, n), with the first block of vectors."""
     n_free, n = loads.shape
     b = without_modes(system, pairs.vectors, loads)
@@ -276,7 +274,7 @@ def complement(system: System, pairs: Eigenpairs, loads: NDArray[np.float64]) ->
     return extended(system, pairs, start, loads)
 
 
-def extended(system: System, pairs: Eigenpairs, old: Complement, loads: NDArray[np.float64]) -> Complement:
+def extended(system: System, pairs: Eigenpairs, old: Complement, loads: Floats) -> Complement:
     """Return a complement with one more block of vectors for the same forces."""
     new, lost = _new_block(system, pairs, old)
     k, before = new.shape[1], old.lost.shape[1]
@@ -293,19 +291,17 @@ def extended(system: System, pairs: Eigenpairs, old: Complement, loads: NDArray[
     return Complement(Q, response, M, np.vstack([old.B, new.T @ loads]), old.BB, rows)
 
 
-def _shifted(system: System, shift: float, X: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shifted(system: System, shift: float, X: Floats) -> Floats:
     """Return (K - σM) X."""
     return np.asarray(system.K @ X - shift * (system.M @ X))
 
 
-def _clear(system: System, pairs: Eigenpairs, X: NDArray[np.float64]) -> NDArray[np.float64]:
+def _clear(system: System, pairs: Eigenpairs, X: Floats) -> Floats:
     """Return columns without their part in the modes."""
     return X - pairs.vectors @ (pairs.vectors.T @ (system.M @ X))
 
 
-def _new_block(
-    system: System, pairs: Eigenpairs, old: Complement
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _new_block(system: System, pairs: Eigenpairs, old: Complement) -> tuple[Floats, Floats]:
     """Return A-orthonormal vectors for the part of the last response outside the vectors so far.
 
     And coordinates of the part of it that they leave out.

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from fem.analysis.buckling_limits import limits
 from fem.analysis.initial_stress import prestressed
 from fem.analysis.modes import DENSE_LIMIT
 from fem.analysis.statics import StaticSolution, factor_stiffness, solve_static
+from fem.array_types import Floats, Ints
 from fem.linalg.solvers import Factor
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
@@ -44,8 +44,8 @@ class BucklingModes:
         With the geometric stiffness at λ = 1, the effect ``"prestress"``.
     """
 
-    factors: NDArray[np.float64]
-    shapes: NDArray[np.float64]
+    factors: Floats
+    shapes: Floats
     model: Model
 
     __repr__ = fields_summary
@@ -128,17 +128,12 @@ def solve_buckling(
     return modes
 
 
-def lowest_factor(
-    system: System, solution: StaticSolution, case: int | str = 0, factor: Factor | None = None
-) -> float:
-    """Return the lowest positive load factor; infinite where a load does not make the structure buckle.
-
-    ``factor`` is that of the system's K, if it is known.
-    """
-    K_G = _geometric(system, solution, case)[1]
+def lowest_factor(system: System, solution: StaticSolution) -> float:
+    """Return the lowest positive factor of the first load; infinite where the structure does not buckle."""
+    K_G = _geometric(system, solution, 0)[1]
     if not K_G.count_nonzero():
         return np.inf
-    mu = _largest(system, -K_G, 1, "positive", factor, repeated=False)[0]
+    mu = _largest(system, -K_G, 1, "positive", repeated=False)[0]
     return float(1 / mu[0]) if mu.size else np.inf
 
 
@@ -150,14 +145,8 @@ def _geometric(system: System, solution: StaticSolution, case: int | str) -> tup
 
 
 def _largest(
-    system: System,
-    A: sp.csc_array,
-    n: int,
-    sign: str,
-    factor: Factor | None = None,
-    *,
-    repeated: bool = True,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    system: System, A: sp.csc_array, n: int, sign: str, *, repeated: bool = True
+) -> tuple[Floats, Floats]:
     """Return the eigenvalues of A x = μ K x of a sign that are largest in size, and their vectors.
 
     Unless ``repeated``, one of each set of equal eigenvalues may be all that is found of it.
@@ -169,7 +158,7 @@ def _largest(
         outer = np.outer(scale, scale)
         mu, vectors = sla.eigh(outer * A.toarray(), outer * K)
         return _sorted(mu, scale[:, None] * vectors, n, sign)
-    factor = factor_stiffness(system) if factor is None else factor
+    factor = factor_stiffness(system)
     loaded = np.flatnonzero(abs(A).sum(axis=0))
     if loaded.size <= DENSE_LIMIT or 2 * n > loaded.size // 3:
         return _sorted(*_dense(A, loaded, factor), n, sign)
@@ -180,9 +169,7 @@ def _largest(
         return _sorted(*_dense(A, loaded, factor), n, sign)
 
 
-def _dense(
-    A: sp.csc_array, loaded: NDArray[np.int64], factor: Factor
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _dense(A: sp.csc_array, loaded: Ints, factor: Factor) -> tuple[Floats, Floats]:
     """Return all eigenpairs that are not 0 of A x = μ K x, where A acts on few coordinates.
 
     A = S B Sᵀ, F = Sᵀ K⁻¹ S = L Lᵀ: Lᵀ B L w = μ w and x = K⁻¹ S B L w / μ. L comes from eigenvalues,
@@ -204,7 +191,7 @@ def _dense(
 
 def _by_lanczos(
     system: System, A: sp.csc_array, n: int, sign: str, factor: Factor, *, repeated: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     n_free = system.n_free
     which = {"positive": "LA", "negative": "SA", "both": "LM"}[sign]
     random = np.random.default_rng(0)
@@ -219,9 +206,7 @@ def _by_lanczos(
         # Lanczos sees one of each set of equal factors. With those found taken out, ask again for the rest.
         taken = np.asarray(system.K @ vectors)
 
-        def deflated(
-            x: NDArray[np.float64], taken: NDArray[np.float64] = taken, mu: NDArray[np.float64] = mu
-        ) -> NDArray[np.float64]:
+        def deflated(x: Floats, taken: Floats = taken, mu: Floats = mu) -> Floats:
             return A @ x - taken @ (mu * (taken.T @ x))
 
         more, found = eigsh(
@@ -244,9 +229,7 @@ def _by_lanczos(
         mu, vectors = np.concatenate([mu, more]), np.hstack([vectors, found])
 
 
-def _sorted(
-    mu: NDArray[np.float64], vectors: NDArray[np.float64], n: int, sign: str, floor: float = 0.0
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sorted(mu: Floats, vectors: Floats, n: int, sign: str, floor: float = 0.0) -> tuple[Floats, Floats]:
     """Return the n largest in size that have the sign and are more than rounding, or than a floor."""
     if not mu.size:
         return mu, vectors

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.warping import ACCURACY, line_work, warping_gains
+from fem.array_types import Floats
 from fem.effects.prestress import Prestress
 from fem.effects.shear_centre import ShearCentre
 from fem.elements.frame import Frame
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def limits(
-    loaded: Model, solution: "StaticSolution", column: int, factor: float, shape: NDArray[np.float64]
+    loaded: Model, solution: "StaticSolution", column: int, factor: float, shape: Floats
 ) -> tuple[str, ...]:
     """Return a sentence on each thing left out that may change a load factor by more than `ACCURACY`.
 
@@ -48,9 +48,7 @@ def limits(
     )
 
 
-def _line_work(
-    model: Model, parts: tuple[Contribution, ...], shape: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _line_work(model: Model, parts: tuple[Contribution, ...], shape: Floats) -> Floats:
     """Return xᵀ K x of each line on a shape x, (n_lines,)."""
     return line_work(model, parts, shape[:, None])[:, 0]
 
@@ -72,7 +70,7 @@ def _of_shear_centres(model: Model, frame: Frame, share: Mapping[str, float]) ->
             )
 
 
-def _of_warping(model: Model, frame: Frame, shape: NDArray[np.float64]) -> Iterator[str]:
+def _of_warping(model: Model, frame: Frame, shape: Floats) -> Iterator[str]:
     for member, k, gains in warping_gains(model, shape[:, None]):
         if gains[0] > ACCURACY:
             yield (
@@ -115,7 +113,7 @@ def _of_parts(solution: "StaticSolution", column: int) -> Iterator[str]:
             )
 
 
-def _strained(K: NDArray[np.float64], u: NDArray[np.float64]) -> bool:
+def _strained(K: Floats, u: Floats) -> bool:
     """Tell whether motions (b, m) strain matrices (b, m, m) by more than the rounding of uᵀKu."""
     energy = np.einsum("bi,bij,bj->b", u, K, u)
     rounding = K.shape[1] * np.finfo(float).eps * np.einsum("bi,bij,bj->b", abs(u), abs(K), abs(u))

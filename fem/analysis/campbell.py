@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
 from fem.analysis.modes import Eigenpairs, solve_eigenpairs
 from fem.analysis.whirl import whirl
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.effects.spin import Spin, refuse_speeds, spinning
 from fem.linalg.solvers import one_thread
 from fem.model import Model, ModelError
@@ -82,12 +83,12 @@ class Campbell:
         Whether all modes are.
     """
 
-    speeds: NDArray[np.float64]
-    poles: NDArray[np.complex128]
-    whirl: NDArray[np.float64]
-    likeness: NDArray[np.float64]
+    speeds: Floats
+    poles: Complexes
+    whirl: Floats
+    likeness: Floats
     critical: tuple[CriticalSpeed, ...]
-    critical_shapes: NDArray[np.complex128]
+    critical_shapes: Complexes
     converged: bool
 
     __repr__ = fields_summary
@@ -98,17 +99,17 @@ class Campbell:
         return self.poles.shape[1]
 
     @property
-    def frequency(self) -> NDArray[np.float64]:
+    def frequency(self) -> Floats:
         """Damped natural frequencies Im s/2π, shape (n_speeds, n_branches) [Hz]."""
         return np.imag(self.poles) / (2 * np.pi)
 
     @property
-    def zeta(self) -> NDArray[np.float64]:
+    def zeta(self) -> Floats:
         """Damping ratios -Re s/|s|, shape (n_speeds, n_branches) [-]."""
         return -np.real(self.poles) / np.abs(self.poles)
 
     @property
-    def unstable(self) -> NDArray[np.bool_]:
+    def unstable(self) -> Bools:
         """Whether a mode grows at each speed, shape (n_speeds,); negative ratios below 1e-9 are rounding."""
         return np.asarray((np.nan_to_num(self.zeta) < -1e-9).any(axis=1))
 
@@ -123,20 +124,20 @@ class Campbell:
 class _Modes:
     """The oscillating modes of one speed on the independent coordinates."""
 
-    s: NDArray[np.complex128]
-    x: NDArray[np.complex128]
-    y: NDArray[np.complex128]
-    b: NDArray[np.complex128]  # modal B
-    whirl: NDArray[np.float64]
+    s: Complexes
+    x: Complexes
+    y: Complexes
+    b: Complexes  # modal B
+    whirl: Floats
     converged: bool
 
-    def likeness(self, other: "_Modes", K: Any, M: Any) -> NDArray[np.float64]:
+    def likeness(self, other: "_Modes", K: Any, M: Any) -> Floats:
         """Return the likeness of these modes (rows) and another speed's (columns)."""
         product = self.y.T @ (K @ other.x) - np.outer(self.s, other.s) * (self.y.T @ (M @ other.x))
         return np.abs(product) / np.sqrt(np.outer(np.abs(self.b), np.abs(other.b)))
 
 
-_Crossing = tuple[CriticalSpeed, NDArray[np.complex128]]
+_Crossing = tuple[CriticalSpeed, Complexes]
 """A critical speed, and the shape of its mode on the independent coordinates."""
 
 
@@ -241,7 +242,7 @@ def solve_campbell(
     )
 
 
-def _check(model: Model, speeds: NDArray[np.float64], n: int, orders: Sequence[float]) -> None:
+def _check(model: Model, speeds: Floats, n: int, orders: Sequence[float]) -> None:
     """Refuse models without a spin, and speeds and orders that cannot be."""
     if not spinning(model):
         msg = "no member spins: give members a spin, their speed relative to that of the rotation"
@@ -259,7 +260,7 @@ def _check(model: Model, speeds: NDArray[np.float64], n: int, orders: Sequence[f
             raise ModelError(msg)
 
 
-def _followed(each: Sequence[_Modes], shaft: _Shaft) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _followed(each: Sequence[_Modes], shaft: _Shaft) -> tuple[Ints, Floats]:
     """Return the mode of each speed on each branch, -1 for none, and the likeness from speed to speed.
 
     Pairs of modes are chosen together, for the largest sum of likenesses. Modes left over end or begin a
@@ -267,7 +268,7 @@ def _followed(each: Sequence[_Modes], shaft: _Shaft) -> tuple[NDArray[np.int64],
     """
     n = len(each)
     branches = [np.concatenate([[k], np.full(n - 1, -1)]) for k in range(each[0].s.size)]
-    found: list[NDArray[np.float64]] = [np.full(max(n - 1, 0), np.nan) for _ in branches]
+    found: list[Floats] = [np.full(max(n - 1, 0), np.nan) for _ in branches]
     for i in range(1, n):
         alike = each[i - 1].likeness(each[i], shaft.K, shaft.base.M)
         pairs = {int(a): int(b) for a, b in zip(*scipy.optimize.linear_sum_assignment(-alike), strict=True)}
@@ -288,12 +289,7 @@ def _followed(each: Sequence[_Modes], shaft: _Shaft) -> tuple[NDArray[np.int64],
 
 
 def _crossings(
-    shaft: _Shaft,
-    speeds: NDArray[np.float64],
-    each: Sequence[_Modes],
-    column: NDArray[np.int64],
-    branch: int,
-    order: float,
+    shaft: _Shaft, speeds: Floats, each: Sequence[_Modes], column: Ints, branch: int, order: float
 ) -> list[_Crossing]:
     """Return where an order meets one branch, between the speeds at which its sign changes."""
     out = []

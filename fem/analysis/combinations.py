@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.loads import (
     InitialStrain,
@@ -16,6 +15,7 @@ from fem.analysis.loads import (
     as_cases,
     point_forces,
 )
+from fem.array_types import Floats, Ints
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
 
@@ -32,10 +32,10 @@ class Envelope:
         Columns of the cases; the first of several that are equal.
     """
 
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    low_case: NDArray[np.int64]
-    high_case: NDArray[np.int64]
+    low: Floats
+    high: Floats
+    low_case: Ints
+    high_case: Ints
 
     __repr__ = fields_summary
 
@@ -102,6 +102,6 @@ def _scaled(load: MemberLoad, factor: float) -> MemberLoad:
     )
 
 
-def envelope(values: NDArray[np.float64]) -> Envelope:
+def envelope(values: Floats) -> Envelope:
     """Return the envelope of values whose last axis is that of the load cases."""
     return Envelope(values.min(axis=-1), values.max(axis=-1), values.argmin(axis=-1), values.argmax(axis=-1))

@@ -20,6 +20,7 @@ from fem.analysis.modes import Eigenpairs, Modes, rigid_body_motions, solve_eige
 from fem.analysis.quadratic_roots import QuadraticPencil, Root, all_roots, different, with_laws
 from fem.analysis.receptance import locals_of
 from fem.analysis.selection import Selection, dof_vectors
+from fem.array_types import Bools, Complexes, Floats
 from fem.linalg.solvers import Factor, factorise, one_thread
 from fem.model import Model, ModelError
 from fem.summary import fields_summary
@@ -69,16 +70,16 @@ class ComplexModes:
     model : Model
     """
 
-    poles: NDArray[np.complex128]
-    shapes: NDArray[np.complex128]
-    left: NDArray[np.complex128]
-    modal_a: NDArray[np.complex128]
-    residual: NDArray[np.float64]
-    partners: NDArray[np.complex128]
-    partner_shapes: NDArray[np.complex128]
-    partner_left: NDArray[np.complex128]
-    partner_a: NDArray[np.complex128]
-    rigid: NDArray[np.float64]
+    poles: Complexes
+    shapes: Complexes
+    left: Complexes
+    modal_a: Complexes
+    residual: Floats
+    partners: Complexes
+    partner_shapes: Complexes
+    partner_left: Complexes
+    partner_a: Complexes
+    rigid: Floats
     converged: bool
     model: Model
 
@@ -90,27 +91,27 @@ class ComplexModes:
         return self.poles.size
 
     @property
-    def modal_b(self) -> NDArray[np.complex128]:
+    def modal_b(self) -> Complexes:
         """Modal B = -s · modal A, shape (n_modes,) [rad²/s²]."""
         return -self.poles * self.modal_a
 
     @property
-    def frequency(self) -> NDArray[np.float64]:
+    def frequency(self) -> Floats:
         """|s|/2π, shape (n_modes,) [Hz]."""
         return np.abs(self.poles) / (2 * np.pi)
 
     @property
-    def damped_frequency(self) -> NDArray[np.float64]:
+    def damped_frequency(self) -> Floats:
         """Im s/2π, shape (n_modes,); 0 for overdamped modes [Hz]."""
         return np.imag(self.poles) / (2 * np.pi)
 
     @property
-    def zeta(self) -> NDArray[np.float64]:
+    def zeta(self) -> Floats:
         """Damping ratio -Re s/|s|, shape (n_modes,) [-]."""
         return -np.real(self.poles) / np.maximum(np.abs(self.poles), 1e-300)
 
     @property
-    def overdamped(self) -> NDArray[np.bool_]:
+    def overdamped(self) -> Bools:
         """Whether a pole is real, so that its mode creeps and does not oscillate, shape (n_modes,)."""
         return np.imag(self.poles) == 0
 
@@ -168,7 +169,7 @@ class ComplexModes:
 class _Residual(NamedTuple):
     """Residual of the eigenvalue equation for a pole and its vector."""
 
-    correction: NDArray[np.complex128]  # G⁻¹ Z(s) x
+    correction: Complexes  # G⁻¹ Z(s) x
     size: float  # relative to the vector
     rounding: float  # the size that rounding of the terms makes
 
@@ -187,11 +188,11 @@ class _QuadraticProblem:
     system: System
     K: Any
     C: Any
-    ratios: NDArray[np.float64]  # (n_free, k): modal ratios add ratios ratiosᵀ to C
+    ratios: Floats  # (n_free, k): modal ratios add ratios ratiosᵀ to C
     factor: Factor  # of G = K - σM
     G: Any
     pairs: Eigenpairs
-    rigid: NDArray[np.float64]  # (n_free, n_rigid), M-orthonormal
+    rigid: Floats  # (n_free, n_rigid), M-orthonormal
     real: bool
     shift: float  # σ < 0 [rad²/s²]
 
@@ -211,7 +212,7 @@ class _QuadraticProblem:
         """Return Ĉ X, or Ĉᵀ X for left shapes."""
         return (self.C.T if left else self.C) @ X + self.ratios @ (self.ratios.T @ X)
 
-    def residual(self, s: complex, x: NDArray[np.complex128], *, left: bool = False) -> "_Residual":
+    def residual(self, s: complex, x: Complexes, *, left: bool = False) -> "_Residual":
         """Return what is left of Z(s) x, or of Z(s)ᵀ x.
 
         In the norms of K + |s|²M some undamped mode has |ω² + s²|/(ω² + |s|²) within the residual where
@@ -233,7 +234,7 @@ class _QuadraticProblem:
         size = self._size(columns, w, s) / np.sqrt(max(float(energy), 1e-300))
         return _Residual(w[:, 0] + 1j * w[:, 1], float(np.hypot(size[0], size[1])), float(size[2]))
 
-    def _size(self, z: NDArray[np.float64], w: NDArray[np.float64], s: complex) -> NDArray[np.float64]:
+    def _size(self, z: Floats, w: Floats, s: complex) -> Floats:
         """Return the sizes of forces in the norm of (K + |s|²M)⁻¹, with w = G⁻¹ z, shape (k,).
 
         Known modes have that norm in closed form. It is at most the norm of G⁻¹, which serves the rest.
@@ -300,7 +301,7 @@ def solve_complex_modes(system: System, n: int = 20, *, pairs: Eigenpairs | None
     return _result(problem, found, worst, len(upper))
 
 
-def _lifted(problem: _QuadraticProblem, V: NDArray[np.float64], root: Root) -> tuple[Root, list[_Residual]]:
+def _lifted(problem: _QuadraticProblem, V: Floats, root: Root) -> tuple[Root, list[_Residual]]:
     """Return a root with its vectors in the full system, and the residuals of these."""
     x = V @ root.right
     missing = [problem.residual(root.s, x)]
@@ -338,7 +339,7 @@ def _problem(system: System, pairs: Eigenpairs) -> _QuadraticProblem:
     return _QuadraticProblem(system, K, C, ratios, factorise(G), G, pairs, rigid, real, shift)
 
 
-def _start(problem: _QuadraticProblem, pairs: Eigenpairs) -> NDArray[np.float64]:
+def _start(problem: _QuadraticProblem, pairs: Eigenpairs) -> Floats:
     """Return real modes and the responses to the forces of local dampers, or everything of a small system.
 
     Without these responses a mode that creeps in one damper would hide behind faster ones of the basis.
@@ -357,13 +358,11 @@ def _start(problem: _QuadraticProblem, pairs: Eigenpairs) -> NDArray[np.float64]
     return V
 
 
-def _grown(
-    problem: _QuadraticProblem, V: NDArray[np.float64], new: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _grown(problem: _QuadraticProblem, V: Floats, new: Floats) -> Floats:
     """Return V with new vectors, G-orthonormal and M-orthogonal to rigid-body modes."""
     M, G, R = problem.system.M, problem.G, problem.rigid
 
-    def size(X: NDArray[np.float64]) -> NDArray[np.float64]:
+    def size(X: Floats) -> Floats:
         return np.sqrt(np.maximum(np.einsum("ij,ij->j", X, G @ X), 0.0))
 
     for _ in range(2):
@@ -381,7 +380,7 @@ def _grown(
     return np.hstack([V, new])
 
 
-def _projected(problem: _QuadraticProblem, V: NDArray[np.float64], n: int) -> tuple[list[Root], list[Root]]:
+def _projected(problem: _QuadraticProblem, V: Floats, n: int) -> tuple[list[Root], list[Root]]:
     """Return the n slowest roots on a basis with Im s ≥ 0, and their partners below."""
     M, K, C = V.T @ (problem.system.M @ V), V.T @ (problem.K @ V), V.T @ problem.damped(V)
     laws = [(law, V.T @ (X @ V)) for law, X in problem.system.laws]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import MARGIN, reduced_frf
 from fem.analysis.selection import Selection, dof_columns
+from fem.array_types import Bools, Floats, Ints
 from fem.linalg.multifrontal import plan_elimination
 from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.model import Contribution, Model
@@ -67,16 +68,16 @@ class Condensed:
     """
 
     system: System
-    kept: NDArray[np.int64]
+    kept: Ints
     Q: Any
     rest: tuple[Any, ...]
-    kind: NDArray[np.int64]
-    count: NDArray[np.int64]
+    kind: Ints
+    count: Ints
     elements: Array
-    dofs: NDArray[np.int64]
-    bending: NDArray[np.float64]
+    dofs: Ints
+    bending: Floats
 
-    def receptance(self, frequency: NDArray[np.float64], outputs: Array, inputs: Array) -> Array:
+    def receptance(self, frequency: Floats, outputs: Array, inputs: Array) -> Array:
         """Return receptances (n_freq, n_out, n_in) at some frequencies [Hz].
 
         A modal damping ratio ζ counts as a loss factor 2ζ of all stiffness at each line: the same at
@@ -124,7 +125,7 @@ class Condensed:
         waves = self.bending * np.sqrt(2 * np.pi * frequency) / np.pi
         return int(np.floor(np.maximum(waves - 0.5, 0.0)).sum())
 
-    def _factors(self, frequency: NDArray[np.float64]) -> tuple[Array, Array]:
+    def _factors(self, frequency: Floats) -> tuple[Array, Array]:
         """Return ω, and the factors of K, M, C and D in Z, (n_freq,) and (n_freq, 4)."""
         damping, omega = self.system.model.damping, 2 * np.pi * frequency
         loss = damping.loss_factor + omega * damping.beta + 2 * damping.ratio_at(frequency)
@@ -185,8 +186,8 @@ class _Pattern:
     """
 
     n: int
-    row: NDArray[np.int64]
-    column: NDArray[np.int64]
+    row: Ints
+    column: Ints
     rest: Any
     laws: tuple[Any, ...]
     runs: Any
@@ -282,12 +283,12 @@ def condense(system: System, *places: Array) -> Condensed:
 
 def frf_function(
     system: System,
-    frequency: NDArray[np.float64],
+    frequency: Floats,
     outputs: Selection,
     inputs: Selection,
     kind: FRFKind = FRFKind.ACCELERANCE,
     tolerance: float = 1e-3,
-) -> Callable[[NDArray[np.float64]], Array]:
+) -> Callable[[Floats], Array]:
     """Return a function of frequencies [Hz] that computes FRFs (n_freq, n_out, n_in).
 
     By the modes, or line by line with runs of equal elements condensed: whichever should take less time for
@@ -308,7 +309,7 @@ def frf_function(
     (out, _), (inn, _) = (dof_columns(system.model, each) for each in (outputs, inputs))
     condensed, highest = condense(system, out, inn), float(frequency.max())
 
-    def by_lines(f: NDArray[np.float64]) -> Array:
+    def by_lines(f: Floats) -> Array:
         H = condensed.receptance(f, out, inn)
         return H * ((2j * np.pi * f) ** kind.derivatives)[:, None, None]
 
@@ -341,16 +342,16 @@ def _bending(K: Array, M: Array) -> Array:
 class _Chain:
     """Elements that follow one another: their rows, which are passed backwards, and the points between."""
 
-    elements: NDArray[np.int64]
-    turned: NDArray[np.bool_]
-    points: NDArray[np.int64]
+    elements: Ints
+    turned: Bools
+    points: Ints
 
 
-def _dofs_of(ends: NDArray[np.int64]) -> NDArray[np.int64]:
+def _dofs_of(ends: Ints) -> Ints:
     return (6 * ends[:, :, None] + np.arange(6)).reshape(-1, 12)
 
 
-def _on_lines(model: Model) -> tuple[NDArray[np.int64], Array, tuple[Contribution, ...]]:
+def _on_lines(model: Model) -> tuple[Ints, Array, tuple[Contribution, ...]]:
     """Return lines with elements on them, K, M, C and D of each (4, n, 12, 12), and all other elements."""
     parts = model.contributions()
     on_lines = [
@@ -367,9 +368,7 @@ def _on_lines(model: Model) -> tuple[NDArray[np.int64], Array, tuple[Contributio
     return lines, matrices, others
 
 
-def _free_points(
-    system: System, others: tuple[Contribution, ...], places: tuple[Array, ...]
-) -> NDArray[np.bool_]:
+def _free_points(system: System, others: tuple[Contribution, ...], places: tuple[Array, ...]) -> Bools:
     """Return at which points of the mesh nothing but elements on lines acts."""
     n = system.model.mesh.n_points
     Q = system.Q.tocsr()
@@ -388,7 +387,7 @@ def _free_points(
     return np.asarray(free[: 6 * n].reshape(-1, 6).all(axis=1))
 
 
-def _chains(ends: NDArray[np.int64], free: NDArray[np.bool_]) -> Iterator[_Chain]:
+def _chains(ends: Ints, free: Bools) -> Iterator[_Chain]:
     """Yield all lines as chains that continue at free points where just two of them meet."""
     at: dict[int, list[int]] = {}
     for k, (a, b) in enumerate(ends.tolist()):
@@ -432,7 +431,7 @@ def _equal_parts(chain: _Chain, matrices: Array) -> Iterator[_Chain]:
             yield _Chain(chain.elements[a:b], chain.turned[a:b], chain.points[a : b + 1])
 
 
-def _kinds(elements: Array, count: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _kinds(elements: Array, count: Array) -> tuple[Ints, Ints]:
     """Return the first run of each kind, and the kind of each: parallel members alike have one.
 
     Entries count as equal that round to the same digits. Two that differ by rounding alone and fall to two

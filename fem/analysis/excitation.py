@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Floats
 from fem.model import DIRECTIONS, Model, ModelError
 from fem.summary import fields_summary
 
@@ -27,10 +28,10 @@ class Excitation:
         Accelerations of all supports as one rigid body by direction, ``"x"`` … ``"rz"`` [m/s², rad/s²].
     """
 
-    time: NDArray[np.float64]
-    loads: NDArray[np.float64]
-    forces: NDArray[np.float64]
-    base: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    time: Floats
+    loads: Floats
+    forces: Floats
+    base: Mapping[str, Floats] = field(default_factory=dict)
 
     __repr__ = fields_summary
 
@@ -120,16 +121,16 @@ class TimeResponse:
         [m, rad].
     """
 
-    time: NDArray[np.float64]
-    displacement: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    acceleration: NDArray[np.float64]
+    time: Floats
+    displacement: Floats
+    velocity: Floats
+    acceleration: Floats
     outputs: tuple[str, ...]
     relative: bool
     method: str
     n_modes: int
     notes: tuple[str, ...] = ()
-    snapshots: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    snapshots: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
     __repr__ = fields_summary
 

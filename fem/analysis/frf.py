@@ -7,9 +7,10 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.labelled import imported
+from fem.array_types import Bools, Complexes, Floats
 from fem.summary import counted, fields_summary, listed, span, summary
 
 WITHOUT_PHASE = (
@@ -80,7 +81,7 @@ class Accuracy:
     method: str
     n_modes: int
     n_vectors: int
-    bound: NDArray[np.float64] | None
+    bound: Floats | None
     worst: float
     tolerance: float
 
@@ -116,8 +117,8 @@ class FRF:
         are the same in every kind [1/N].
     """
 
-    frequency: NDArray[np.float64]
-    H: NDArray[np.complex128]
+    frequency: Floats
+    H: Complexes
     kind: FRFKind
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -150,7 +151,7 @@ class FRF:
         return [(STRAIN if o else motion)[i] for o in sorted(outputs) for i in sorted(inputs)]
 
     @property
-    def is_strain(self) -> NDArray[np.bool_]:
+    def is_strain(self) -> Bools:
         """Whether each output is a strain, shape (n_out,)."""
         return np.array([name in self.strain for name in self.outputs], dtype=bool)
 
@@ -160,7 +161,7 @@ class FRF:
         bare = self.n_freq > 1 and bool(self.H.any()) and not self.H.imag.any()
         return not (bare and bool((self.H.real >= 0).all()))
 
-    def __getitem__(self, pair: tuple[str, str]) -> NDArray[np.complex128]:
+    def __getitem__(self, pair: tuple[str, str]) -> Complexes:
         """Return the curve of an output and an input, ``frf["U1z", "D3z"]``, shape (n_freq,) [unit of kind].
 
         Raises
@@ -304,7 +305,7 @@ class FRF:
         return self.frequency.size
 
     @property
-    def omega(self) -> NDArray[np.float64]:
+    def omega(self) -> Floats:
         """Angular frequencies, shape (n_freq,) [rad/s]."""
         return 2 * np.pi * self.frequency
 

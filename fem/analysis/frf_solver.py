@@ -29,6 +29,7 @@ from fem.analysis.receptance import (
     superpose,
 )
 from fem.analysis.selection import Selection, dof_columns
+from fem.array_types import Complexes, Floats, Ints
 from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.system import System, refuse_motionless
 
@@ -123,13 +124,13 @@ def compute_frf(
 
 def reduced_frf(
     system: System,
-    frequency: NDArray[np.float64],
+    frequency: Floats,
     outputs: Selection,
     inputs: Selection,
     kind: FRFKind | str = FRFKind.ACCELERANCE,
     *,
     tolerance: float = 1e-5,
-) -> Callable[[NDArray[np.float64]], NDArray[np.complex128]]:
+) -> Callable[[Floats], Complexes]:
     """Return a function that computes FRFs (n_freq, n_out, n_in) at any frequencies up to the highest [Hz].
 
     The method is ``"reduced"`` of :func:`compute_frf`, with one set of vectors for all calls; an FRF may be
@@ -153,7 +154,7 @@ def reduced_frf(
     task = replace(task, inputs=task.outputs, outputs=task.inputs) if swap else task
     s = _reduced(task, locals_of(system))
 
-    def at(lines: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def at(lines: Floats) -> Complexes:
         omega = 2 * np.pi * lines
         H = receptance(s, omega, bounds=False)[0] * ((1j * omega) ** task.kind.derivatives)[:, None, None]
         return np.swapaxes(H, 1, 2) if swap else H
@@ -170,7 +171,7 @@ def frf_blocks(
     *,
     tolerance: float = 1e-5,
     out: NDArray[Any] | None = None,
-) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
+) -> Iterator[tuple[slice, Complexes]]:
     """Compute many FRFs a few lines at a time, for those that do not fit into memory together.
 
     The method is ``"reduced"`` of :func:`compute_frf`.
@@ -215,14 +216,14 @@ class _Task:
     """Forces and responses to compute, as sparse columns on the independent coordinates."""
 
     system: System
-    frequency: NDArray[np.float64]
+    frequency: Floats
     inputs: Any
     outputs: Any
     kind: FRFKind
     tolerance: float
 
     @property
-    def omega(self) -> NDArray[np.float64]:
+    def omega(self) -> Floats:
         return 2 * np.pi * self.frequency
 
     @property
@@ -239,7 +240,7 @@ class _Task:
         """Whether factorising at each line costs little enough to be a last resort."""
         return self.frequency.size * self.system.n_free <= 400_000
 
-    def sample(self, eigenvalues: NDArray[np.float64]) -> NDArray[np.int64]:
+    def sample(self, eigenvalues: Floats) -> Ints:
         """Return lines at which the bound is watched: next to the modes, the last ones, and some between."""
         n = self.frequency.size
         order = np.argsort(self.omega)
@@ -247,13 +248,7 @@ class _Task:
         some = np.linspace(0, n - 1, min(n, 12)).astype(int)
         return order[np.unique(np.clip(np.concatenate([near - 1, near, some]), 0, n - 1))]
 
-    def worst(
-        self,
-        s: Superposition,
-        omega: NDArray[np.float64],
-        H: NDArray[np.complex128],
-        bound: NDArray[np.float64] | None,
-    ) -> float:
+    def worst(self, s: Superposition, omega: Floats, H: Complexes, bound: Floats | None) -> float:
         """Return the largest bound of an FRF relative to its peak."""
         if bound is None:
             return np.nan
@@ -284,7 +279,7 @@ def _task(
     return _Task(system, lines, q_in, q_out, FRFKind(kind), tolerance), out_labels, in_labels
 
 
-def _check_finite(task: _Task, H: NDArray[np.complex128], frequency: NDArray[np.float64]) -> None:
+def _check_finite(task: _Task, H: Complexes, frequency: Floats) -> None:
     # Rounding and local dampers may hold a free structure that nothing holds.
     free = (frequency == 0).any() and task.system.rigid.shape[1] > 0
     if free or not np.isfinite(H).all():
@@ -292,7 +287,7 @@ def _check_finite(task: _Task, H: NDArray[np.complex128], frequency: NDArray[np.
         raise FRFError(msg)
 
 
-def _possible(s: Superposition, omega: NDArray[np.float64], derivatives: int) -> NDArray[np.float64]:
+def _possible(s: Superposition, omega: Floats, derivatives: int) -> Floats:
     """Return how large FRFs between these places could be, (n_out, n_in): Schwarz, with 0.1 % of damping."""
     parts = omega[:, None] ** 2 * s.mass + s.stiffness
     size = np.maximum(np.abs(s.stiffness - omega[:, None] ** 2 * s.mass), 1e-3 * parts)
@@ -301,7 +296,7 @@ def _possible(s: Superposition, omega: NDArray[np.float64], derivatives: int) ->
     return out[:, None] * inn
 
 
-def _solved(task: _Task, method: str, n_modes: int | None) -> tuple[NDArray[np.complex128], Accuracy]:
+def _solved(task: _Task, method: str, n_modes: int | None) -> tuple[Complexes, Accuracy]:
     ratios = task.system.model.damping.ratio.any()
     if method == "direct" or (method == "auto" and task.few and not ratios):
         return _direct(task), Accuracy("direct", 0, 0, None, 0.0, task.tolerance)
@@ -369,7 +364,7 @@ def _reduced(task: _Task, local: Locals) -> Superposition:
             return s
 
 
-def _direct(task: _Task) -> NDArray[np.complex128]:
+def _direct(task: _Task) -> Complexes:
     """Return receptances (n_freq, n_out, n_in) by one factorisation for each line."""
     system = task.system
     damping = system.model.damping

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.line_loads import line_dofs
 from fem.analysis.section_forces import LineEquilibrium, line_stiffness, section_forces
 from fem.analysis.statics import StaticSolution
+from fem.array_types import Floats, Ints
 from fem.declarations import ArmForce, Role
 from fem.effects.joint import PointPair
 from fem.effects.prestress import LeverForces, Prestress
@@ -89,17 +89,13 @@ class StressedState:
     """
 
     model: Model
-    displacements: NDArray[np.float64]
+    displacements: Floats
     equilibrium: LineEquilibrium
     reactions: Mapping[tuple[str, str], float]
 
 
 def stress_effect(
-    state: StressedState,
-    stiffness: NDArray[np.float64],
-    *,
-    factor: float = 1.0,
-    name: str = "prestress",
+    state: StressedState, stiffness: Floats, *, factor: float = 1.0, name: str = "prestress"
 ) -> Prestress:
     """Return the geometric stiffness of a static state as an effect.
 
@@ -109,7 +105,7 @@ def stress_effect(
     return Prestress(name=name, forces=MappingProxyType(forces), levers=lever_forces(state), factor=factor)
 
 
-def _force_rounding(state: StressedState, stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
+def _force_rounding(state: StressedState, stiffness: Floats) -> Floats:
     """Return the rounding of each section force of the lines, shape (n_lines, 6)."""
     u = abs(state.displacements[line_dofs(state.model)])
     terms = (abs(stiffness) @ u)[:, :, 0]
@@ -118,7 +114,7 @@ def _force_rounding(state: StressedState, stiffness: NDArray[np.float64]) -> NDA
     return _ROUNDING * np.repeat(largest, 3, axis=1)
 
 
-def section_courses(state: StressedState, rounding: NDArray[np.float64]) -> dict[str, SectionForces]:
+def section_courses(state: StressedState, rounding: Floats) -> dict[str, SectionForces]:
     """Return the section forces along each member, in stretches between loads that are cubic at most.
 
     Forces below ``rounding`` (n_lines, 6) are zero.
@@ -177,9 +173,7 @@ def lever_forces(static: StressedState) -> LeverForces:
     )
 
 
-def _forces_at(
-    model: Model, dofs: NDArray[np.int64], location: NDArray[np.float64], force: NDArray[np.float64]
-) -> Iterator[ArmForce]:
+def _forces_at(model: Model, dofs: Ints, location: Floats, force: Floats) -> Iterator[ArmForce]:
     """Yield forces on DOFs of points as such at a place that rigid arms lead to."""
     for point in dict.fromkeys((dofs // 6).tolist()):
         there = (dofs // 6 == point) & (dofs % 6 < 3)
@@ -188,9 +182,7 @@ def _forces_at(
         yield ArmForce(point, location - model.mesh.points[point], f)
 
 
-def _weights_at_arms(
-    model: Model, dofs: NDArray[np.int64], M: NDArray[np.float64], gravity: NDArray[np.float64]
-) -> Iterator[ArmForce]:
+def _weights_at_arms(model: Model, dofs: Ints, M: Floats, gravity: Floats) -> Iterator[ArmForce]:
     """Yield the weights of rigid bodies that single points carry, by their mass matrices (b, m, m).
 
     With the arm r from the point to the centre the block of translations by rotations is -m S(r), where

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.loads import InitialStrain, LineLoad, LoadCase, MemberForce, checked_vector
+from fem.array_types import Floats, Ints
 from fem.elements import tapered
 from fem.elements.frame import Frame
 from fem.elements.layout import axes_and_arms, layout_of
@@ -25,12 +25,12 @@ from fem.model import Contribution, Model, ModelError
 class LineAxes:
     """Ends of the lines' axes, and their local axes."""
 
-    offset: NDArray[np.float64]  # (n_lines, 2, 3): from the nodes to the ends of the axis
-    zone: NDArray[np.float64]  # (n_lines, 2): rigid zones, fractions of the axis
-    span: NDArray[np.float64]  # (n_lines,): length of the axis
-    R: NDArray[np.float64]  # (n_lines, 3, 3)
+    offset: Floats  # (n_lines, 2, 3): from the nodes to the ends of the axis
+    zone: Floats  # (n_lines, 2): rigid zones, fractions of the axis
+    span: Floats  # (n_lines,): length of the axis
+    R: Floats  # (n_lines, 3, 3)
 
-    def offset_at(self, lines: NDArray[np.int64], xi: NDArray[np.float64]) -> NDArray[np.float64]:
+    def offset_at(self, lines: Ints, xi: Floats) -> Floats:
         """Return the offsets at fractions of lines, shape (n, 3)."""
         o = self.offset[lines]
         return o[:, 0] + xi[:, None] * (o[:, 1] - o[:, 0])
@@ -40,10 +40,10 @@ class LineAxes:
 class SpreadLoads:
     """Loads between the ends of lines: distributed ones, and concentrated ones where both xi are equal."""
 
-    line: NDArray[np.int64]  # (m,), rising
-    case: NDArray[np.int64]  # (m,)
-    xi: NDArray[np.float64]  # (m, 2)
-    force: NDArray[np.float64]  # (m, 2, 3): global; per length if distributed
+    line: Ints  # (m,), rising
+    case: Ints  # (m,)
+    xi: Floats  # (m, 2)
+    force: Floats  # (m, 2, 3): global; per length if distributed
     axes: LineAxes  # of all lines of the model, found once for the loads and for all cuts
 
     def case_of(self, column: int) -> "SpreadLoads":
@@ -52,13 +52,11 @@ class SpreadLoads:
         return SpreadLoads(self.line[rows], 0 * self.case[rows], self.xi[rows], self.force[rows], self.axes)
 
 
-def loads_on_members(
-    model: Model, axes: LineAxes, cases: Sequence[LoadCase]
-) -> tuple[SpreadLoads, NDArray[np.float64]]:
+def loads_on_members(model: Model, axes: LineAxes, cases: Sequence[LoadCase]) -> tuple[SpreadLoads, Floats]:
     """Return the loads between the ends of lines, and initial strains (n_lines, 6, n_cases)."""
     mesh = model.mesh
     strain = np.zeros((mesh.n_lines, 6, len(cases)))
-    rows: list[tuple[int, int, float, float, NDArray[np.float64], NDArray[np.float64]]] = []
+    rows: list[tuple[int, int, float, float, Floats, Floats]] = []
     for column, case in enumerate(cases):
         for load in case.members:
             for member in mesh.members_of(load.member):
@@ -87,14 +85,14 @@ def spread_loads(rows: Sequence[tuple[Any, ...]], axes: LineAxes) -> SpreadLoads
 
 def _pieces(
     model: Model, axes: LineAxes, member: str, load: LineLoad | MemberForce
-) -> list[tuple[int, float, float, NDArray[np.float64], NDArray[np.float64]]]:
+) -> list[tuple[int, float, float, Floats, Floats]]:
     """Return line, range of fractions and forces at its ends for each line that a load touches."""
     mesh = model.mesh
     if load.axes not in ("global", "local"):
         msg = f"a load on member '{member}' is in '{load.axes}' axes; allowed are global, local"
         raise ModelError(msg)
 
-    def turned(force: NDArray[np.float64], line: int) -> NDArray[np.float64]:
+    def turned(force: Floats, line: int) -> Floats:
         return force if load.axes == "global" else axes.R[line].T @ force
 
     if isinstance(load, MemberForce):
@@ -131,9 +129,7 @@ def line_axes(model: Model) -> LineAxes:
     return LineAxes(layout.offset, layout.zone / span[:, None], span, R)
 
 
-def axis_motion(
-    model: Model, axes: LineAxes, lines: NDArray[np.int64], xi: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def axis_motion(model: Model, axes: LineAxes, lines: Ints, xi: Floats) -> Floats:
     """Return the motion of places on the lines' axes from the lines' DOFs, global, shape (n, 6, 12)."""
     (frame,) = model.of_kind(Frame)
     N = np.real(frame.motions_at(model.mesh, lines, xi)[1]).copy()
@@ -141,14 +137,14 @@ def axis_motion(
     return N
 
 
-def line_dofs(model: Model) -> NDArray[np.int64]:
+def line_dofs(model: Model) -> Ints:
     """Return the DOFs of all lines, shape (n_lines, 12)."""
     return (6 * model.mesh.lines[:, :, None] + np.arange(6)).reshape(-1, 12)
 
 
 def nodal_loads(
-    model: Model, axes: LineAxes, spread: SpreadLoads, strain: NDArray[np.float64], cases: Sequence[LoadCase]
-) -> NDArray[np.float64]:
+    model: Model, axes: LineAxes, spread: SpreadLoads, strain: Floats, cases: Sequence[LoadCase]
+) -> Floats:
     """Return the nodal forces that do the work of the loads on lines, shape (n_lines, 12, n_cases).
 
     f = ∫ Nᵀ q dx + ∫ Bᵀ (EA ε₀ …) dx. The shape functions of prismatic lines are cubic and the loads linear,
@@ -175,13 +171,7 @@ def nodal_loads(
 
 
 def _add_work(
-    out: NDArray[np.float64],
-    model: Model,
-    axes: LineAxes,
-    spread: SpreadLoads,
-    k: NDArray[np.int64],
-    xi: NDArray[np.float64],
-    force: NDArray[np.float64],
+    out: Floats, model: Model, axes: LineAxes, spread: SpreadLoads, k: Ints, xi: Floats, force: Floats
 ) -> None:
     """Add the work of forces on the loads k of ``spread``, at fractions xi of their lines, to ``out``."""
     if k.size:
@@ -189,20 +179,20 @@ def _add_work(
         np.add.at(np.moveaxis(out, 1, 2), (spread.line[k], spread.case[k]), np.einsum("bki,bk->bi", N, force))
 
 
-def force_at(spread: SpreadLoads, k: NDArray[np.int64], xi: NDArray[np.float64]) -> NDArray[np.float64]:
+def force_at(spread: SpreadLoads, k: Ints, xi: Floats) -> Floats:
     """Return the forces of the loads k at fractions of their lines, shape (n, 3)."""
     x0, x1 = spread.xi[k].T
     share = np.divide(xi - x0, x1 - x0, out=np.zeros_like(xi), where=x1 > x0)
     return spread.force[k, 0] + share[:, None] * (spread.force[k, 1] - spread.force[k, 0])
 
 
-def rigidity_at(model: Model, line: int, xi: NDArray[np.float64]) -> NDArray[np.float64]:
+def rigidity_at(model: Model, line: int, xi: Floats) -> Floats:
     """Return EA, ky GA, kz GA, GJ, EIy and EIz at fractions of a line, (n, 6); 0 without shear strain."""
     (frame,) = model.of_kind(Frame)
     return np.real(frame.rigidity(model.mesh, [Location(line, float(x)) for x in xi]))
 
 
-def nodal_weights(model: Model, gravity: NDArray[np.float64]) -> NDArray[np.float64]:
+def nodal_weights(model: Model, gravity: Floats) -> Floats:
     """Return the nodal forces of gravity on the lines' mass, shape (n_lines, 12, n_cases)."""
     mesh = model.mesh
     out = np.zeros((mesh.n_lines, 12, gravity.shape[1]))
@@ -215,7 +205,7 @@ def nodal_weights(model: Model, gravity: NDArray[np.float64]) -> NDArray[np.floa
     return out
 
 
-def elements_on_lines(model: Model) -> Iterator[tuple[NDArray[np.int64], Contribution]]:
+def elements_on_lines(model: Model) -> Iterator[tuple[Ints, Contribution]]:
     """Yield the elements of the frame and of effects within members, with the lines that they are on (b,)."""
     mesh = model.mesh
     for effect in model.effects:
@@ -228,7 +218,7 @@ def elements_on_lines(model: Model) -> Iterator[tuple[NDArray[np.int64], Contrib
                 yield rows, c
 
 
-def _lines_of_elements(model: Model, rows: NDArray[np.int64], dofs: NDArray[np.int64]) -> NDArray[np.int64]:
+def _lines_of_elements(model: Model, rows: Ints, dofs: Ints) -> Ints:
     """Return the line, out of ``rows``, of each element of 12 DOFs."""
     if len(rows) == len(dofs) and (line_dofs(model)[rows] == dofs).all():
         return rows  # also where two lines join the same points
@@ -240,9 +230,7 @@ def _lines_of_elements(model: Model, rows: NDArray[np.int64], dofs: NDArray[np.i
 _UNIFORM = np.array([0.0, 1.0]), np.ones(2)
 
 
-def _mass_along(
-    model: Model, line: int, first: float, last: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _mass_along(model: Model, line: int, first: float, last: float) -> tuple[Floats, Floats]:
     """Return places on a tapered line, and its mass per length there relative to the mean."""
     # Stretches of a tapered line along which its weight is linear
     x = np.linspace(0, 1, 32 + 1)
@@ -260,11 +248,7 @@ def _masses_between(model: Model) -> Iterator[tuple[int, float, float]]:
 
 
 def with_weights(
-    model: Model,
-    axes: LineAxes,
-    spread: SpreadLoads,
-    gravity: NDArray[np.float64],
-    weights: NDArray[np.float64],
+    model: Model, axes: LineAxes, spread: SpreadLoads, gravity: Floats, weights: Floats
 ) -> SpreadLoads:
     """Return loads between the ends of lines with the lines' weight and that of masses on members."""
     if not gravity.any():

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Floats
 from fem.model import DIRECTIONS, Model, ModelError
 from fem.summary import fields_summary
 
@@ -167,7 +168,7 @@ def as_cases(model: Model, loads: Any) -> tuple[LoadCase, ...]:
     return tuple(LoadCase(name=f"load{k + 1}", points=f[:, k]) for k in range(f.shape[1]))
 
 
-def point_forces(model: Model, case: LoadCase) -> NDArray[np.float64]:
+def point_forces(model: Model, case: LoadCase) -> Floats:
     """Return the forces and moments of a load case at points, shape (n_dof,)."""
     f = np.zeros(model.n_dof)
     if isinstance(case.points, Mapping):
@@ -197,7 +198,7 @@ def point_forces(model: Model, case: LoadCase) -> NDArray[np.float64]:
     return f
 
 
-def checked_vector(value: ArrayLike, name: str) -> NDArray[np.float64]:
+def checked_vector(value: ArrayLike, name: str) -> Floats:
     """Return three finite components, or raise an error that names them."""
     v = np.asarray(value, dtype=float)
     if v.shape != (3,) or not np.isfinite(v).all():

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from fem.analysis.refined_modes import refined, refined_lowest
+from fem.array_types import Floats
 from fem.linalg.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.linalg.processes import is_chosen, late_factor, lowest_by_processes
 from fem.linalg.solvers import SLEPC, Factor, SingularMatrixError, factorise, one_thread
@@ -38,7 +39,7 @@ class MechanismError(ModelError):
         the mesh's size, is 1.
     """
 
-    def __init__(self, message: str, motions: NDArray[np.float64]) -> None:
+    def __init__(self, message: str, motions: Floats) -> None:
         super().__init__(message)
         self.motions = motions
 
@@ -68,9 +69,9 @@ class Modes:
         Number of rigid-body modes among them.
     """
 
-    frequency: NDArray[np.float64]
+    frequency: Floats
     shapes: NDArray[np.floating] | NDArray[np.complexfloating]
-    zeta: NDArray[np.float64] | None = None
+    zeta: Floats | None = None
     labels: tuple[str, ...] = ()
     n_rigid: int = 0
 
@@ -88,7 +89,7 @@ class Modes:
         return self.frequency.size
 
     @property
-    def omega(self) -> NDArray[np.float64]:
+    def omega(self) -> Floats:
         """Natural angular frequencies, shape (n_modes,) [rad/s]."""
         return 2 * np.pi * self.frequency
 
@@ -112,14 +113,14 @@ class Eigenpairs:
         Number of rigid-body modes.
     """
 
-    eigenvalues: NDArray[np.float64]
-    vectors: NDArray[np.float64]
+    eigenvalues: Floats
+    vectors: Floats
     factor: Factor
     shift: float
     n_rigid: int
 
     @property
-    def omega(self) -> NDArray[np.float64]:
+    def omega(self) -> Floats:
         """√ω², shape (n,), and -√(-ω²) of motions that grow [rad/s]."""
         return np.sign(self.eigenvalues) * np.sqrt(np.abs(self.eigenvalues))
 
@@ -263,14 +264,8 @@ def _count_below(system: System, limit: float, like: Factor) -> int:
 
 
 def _lowest(
-    system: System,
-    factor: Factor,
-    shift: float,
-    n: int,
-    limit: float,
-    rigid: NDArray[np.float64],
-    check: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    system: System, factor: Factor, shift: float, n: int, limit: float, rigid: Floats, check: bool
+) -> tuple[Floats, Floats]:
     n_free = system.n_free
     dense = n_free <= DENSE_LIMIT or n > n_free // 3
     _refuse_too_many(n_free, n, dense)
@@ -315,9 +310,7 @@ def _lowest(
     return np.concatenate([zeros, lam]), np.hstack([rigid, phi])
 
 
-def _counted(
-    system: System, factor: Factor, shift: float, pairs: RitzPairs, rigid: NDArray[np.float64]
-) -> RitzPairs:
+def _counted(system: System, factor: Factor, shift: float, pairs: RitzPairs, rigid: Floats) -> RitzPairs:
     """Return the pairs with those that were missed, if the inertia of K - μM counts more of them below μ."""
     last = float(pairs.eigenvalues[-1])
     lam = np.append(pairs.eigenvalues, min(pairs.following, last + abs(last)))
@@ -345,7 +338,7 @@ def _counted(
     return pairs.head(want)
 
 
-def _by_processes(system: System, shift: float, n: int, rigid: NDArray[np.float64]) -> RitzPairs:
+def _by_processes(system: System, shift: float, n: int, rigid: Floats) -> RitzPairs:
     """Return the n lowest eigenpairs besides rigid-body motions by SLEPc, which counts them as well."""
     found = lowest_by_processes(system.K, system.M, shift, n, rigid)
     if found.n_below:
@@ -357,7 +350,7 @@ def _by_processes(system: System, shift: float, n: int, rigid: NDArray[np.float6
     return refined(system, found.pairs, rigid)
 
 
-def _shifted_elsewhere(system: System, rigid: NDArray[np.float64]) -> tuple[float, Factor, float | None, int]:
+def _shifted_elsewhere(system: System, rigid: Floats) -> tuple[float, Factor, float | None, int]:
     """Choose the shift as :func:`_shifted` does, and leave factorising to other processes."""
     shift = _small_shift(system, fixed=rigid.shape[1] == 0)
     reference = None
@@ -448,7 +441,7 @@ def _below_all(system: System, shift: float, like: Factor | None = None) -> tupl
     raise ModelError(msg)
 
 
-def _rounding(system: System, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rounding(system: System, vectors: Floats) -> Floats:
     """Return how much rounding of K may change the eigenvalues of M-orthonormal vectors [rad²/s²]."""
     return _ROUNDING * np.einsum("ij,ij,i->j", vectors, vectors, system.K.diagonal())
 
@@ -466,7 +459,7 @@ def n_unstable(system: System) -> int:
     return _shifted(system)[3]
 
 
-def rigid_body_motions(system: System) -> NDArray[np.float64]:
+def rigid_body_motions(system: System) -> Floats:
     """Return an M-orthonormal basis of the structure's rigid-body motions.
 
     They are those that its constraints and springs allow.
@@ -482,7 +475,7 @@ def rigid_body_motions(system: System) -> NDArray[np.float64]:
     return np.linalg.solve(L, allowed.T).T
 
 
-def _describe_unstable(system: System, vectors: NDArray[np.float64]) -> str:
+def _describe_unstable(system: System, vectors: Floats) -> str:
     """Say that motions (n_free, k) have a negative stiffness, and which effects give it to them."""
     u, model = np.asarray(system.Q @ vectors), system.model
     work = {}
@@ -503,7 +496,7 @@ def _describe_unstable(system: System, vectors: NDArray[np.float64]) -> str:
     )
 
 
-def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> None:
+def _check_mechanism(system: System, vectors: Floats, rigid: Floats) -> None:
     """Raise an error if more motions than the rigid-body ones meet no resistance.
 
     Motions on soft springs meet some, and are no error.
@@ -519,7 +512,7 @@ def _check_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArra
         raise MechanismError(_describe_mechanism(system, vectors, rigid), _motions(system, vectors, rigid))
 
 
-def _motions(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> NDArray[np.float64]:
+def _motions(system: System, vectors: Floats, rigid: Floats) -> Floats:
     """Return the motions (n_dof, k) that M-orthogonal rigid-body motions leave of vectors (n_free, n)."""
     n, size = vectors.shape[1] - rigid.shape[1], system.model.mesh.size
     u = np.asarray(system.Q @ (vectors - rigid @ (rigid.T @ (system.M @ vectors))))
@@ -531,7 +524,7 @@ def _motions(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.flo
     return u / np.abs(reach[:, None] * u).max(axis=0)
 
 
-def _describe_mechanism(system: System, vectors: NDArray[np.float64], rigid: NDArray[np.float64]) -> str:
+def _describe_mechanism(system: System, vectors: Floats, rigid: Floats) -> str:
     mesh = system.model.mesh
     stiffness = system.Q @ abs(system.K) @ system.Q.T
     n = mesh.n_points

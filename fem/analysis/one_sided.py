@@ -10,10 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.loads import LoadCase
 from fem.analysis.statics import StaticSolution, solve_static
+from fem.array_types import Bools, Floats
 from fem.elements.frame import Frame
 from fem.elements.properties import MemberProperties
 from fem.model import Model, ModelError
@@ -109,9 +109,7 @@ def solve_one_sided(model: Model, case: LoadCase) -> OneSided:
     raise ModelError(msg)
 
 
-def _refuse_mechanism(
-    case: LoadCase, names: list[str], slack: NDArray[np.bool_], N: NDArray[np.float64], size: float
-) -> None:
+def _refuse_mechanism(case: LoadCase, names: list[str], slack: Bools, N: Floats, size: float) -> None:
     """Raise an error where a slack bar still carries a part of the load: nothing else does."""
     carried = np.where(slack, np.abs(N), 0.0)
     # Force of a slack bar relative to the largest, above which nothing else carries the load

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse.linalg import cg
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats
 from fem.elements.frame import Frame
 from fem.model import Contribution, Model
 from fem.summary import fields_summary
@@ -33,16 +34,16 @@ class Participation:
         Where the axes of the rotations meet [m].
     """
 
-    factors: NDArray[np.float64]
-    effective_masses: NDArray[np.float64]
-    moving: NDArray[np.float64]
-    total: NDArray[np.float64]
-    about: NDArray[np.float64]
+    factors: Floats
+    effective_masses: Floats
+    moving: Floats
+    total: Floats
+    about: Floats
 
     __repr__ = fields_summary
 
     @property
-    def cumulative(self) -> NDArray[np.float64]:
+    def cumulative(self) -> Floats:
         """Effective masses summed over the modes so far, as fractions of ``moving``, shape (n_modes, 6)."""
         return np.cumsum(self.effective_masses, axis=0) / np.where(self.moving > 0, self.moving, np.inf)
 
@@ -75,7 +76,7 @@ def compute_participation(system: System, modes: Modes, about: ArrayLike | None 
     return Participation(factors, np.square(factors), moving, np.einsum("ij,ij->j", r, driven), place)
 
 
-def rigid_motion_field(model: Model, about: ArrayLike) -> NDArray[np.float64]:
+def rigid_motion_field(model: Model, about: ArrayLike) -> Floats:
     """Return the motions of a unit (1 m, 1 rad) in x y z rx ry rz, rotations about a point, (n_dof, 6)."""
     motions = rigid_motions(model).copy()
     motions[:, 3:] *= model.mesh.size or 1.0
@@ -86,7 +87,7 @@ def rigid_motion_field(model: Model, about: ArrayLike) -> NDArray[np.float64]:
     return motions
 
 
-def _mass_solve(M: Any, b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mass_solve(M: Any, b: Floats) -> Floats:
     """Solve M x = b, M semidefinite and b in its range, by conjugate gradients scaled by the diagonal."""
     diagonal = M.diagonal()
     kept = np.flatnonzero(diagonal > 1e-14 * diagonal.max(initial=0.0))
@@ -117,14 +118,14 @@ class Energies:
     """
 
     parts: tuple[str, ...]
-    strain: NDArray[np.float64]
-    kinetic: NDArray[np.float64]
-    damping: NDArray[np.float64]
+    strain: Floats
+    kinetic: Floats
+    damping: Floats
 
     __repr__ = fields_summary
 
     @property
-    def zeta(self) -> NDArray[np.float64]:
+    def zeta(self) -> Floats:
         """Modal damping ratios from the energies, shape (n_modes,) [-]; 0 for rigid-body modes."""
         return self.damping.sum(axis=0)
 
@@ -187,11 +188,11 @@ def compute_energies(model: Model, modes: Modes) -> Energies:
     )
 
 
-def _work(c: Contribution, phi: NDArray[np.float64], omega: NDArray[np.float64]) -> NDArray[np.float64]:
+def _work(c: Contribution, phi: Floats, omega: Floats) -> Floats:
     """Return φᵀKφ, φᵀMφ and φᵀ(D + ωC)φ of some elements, shape (3, n_modes)."""
     u = phi[c.dofs]
 
-    def form(X: Any) -> NDArray[np.float64]:
+    def form(X: Any) -> Floats:
         if X is None:
             return np.zeros(len(omega))
         return np.einsum("bin,bij,bjn->n", u, np.real(X), u, optimize=True)

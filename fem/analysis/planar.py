@@ -3,16 +3,16 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.loads import LoadCase, point_forces
+from fem.array_types import Floats
 from fem.effects.plane import plane_of
 from fem.model import DIRECTIONS, Model, ModelError
 
 _ROUNDING = 1e-9
 
 
-def refuse_out_of_plane(model: Model, cases: Sequence[LoadCase], forces: NDArray[np.float64]) -> None:
+def refuse_out_of_plane(model: Model, cases: Sequence[LoadCase], forces: Floats) -> None:
     """Raise a ModelError for load cases that act out of the plane of a planar model.
 
     Moments that gravity or an offset makes about axes in the plane are those of the plane's guides.

@@ -7,10 +7,11 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.model import Law
 from fem.system import law_change
 
-Laws = Sequence[tuple[Law, NDArray[np.float64]]]
+Laws = Sequence[tuple[Law, Floats]]
 
 
 class Root(NamedTuple):
@@ -20,8 +21,8 @@ class Root(NamedTuple):
     """
 
     s: complex
-    right: NDArray[np.complex128]
-    left: NDArray[np.complex128]
+    right: Complexes
+    left: Complexes
 
 
 class QuadraticPencil(NamedTuple):
@@ -66,7 +67,7 @@ def all_roots(problem: QuadraticPencil, omega: float = 0.0) -> list[Root]:
     return [Root(complex(s[k]), X[:, k], X[:, k] if symmetric else Y[:, k]) for k in order]
 
 
-def _unit(X: NDArray[Any]) -> NDArray[np.complex128]:
+def _unit(X: NDArray[Any]) -> Complexes:
     return X.astype(complex) / np.linalg.norm(X, axis=0)
 
 

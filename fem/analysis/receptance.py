@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.basis import Complement, root_of
 from fem.analysis.modes import Eigenpairs, solve_eigenpairs
+from fem.array_types import Complexes, Floats, Ints
 from fem.linalg.solvers import factorise
 from fem.model import Contribution, Damping, Law
 from fem.system import System, law_change, refuse_unsymmetric, sum_contributions
@@ -53,20 +54,20 @@ class Locals:
     """
 
     U: Any
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
-    laws: tuple[tuple[Law, NDArray[np.float64]], ...]
+    C: Floats
+    D: Floats
+    laws: tuple[tuple[Law, Floats], ...]
     wide: tuple[tuple[str | Law, Any], ...]
     loss: float = 0.0
 
-    def stiffness(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def stiffness(self, omega: Floats) -> Complexes:
         """Return the local part of Z, (n_freq, n, n)."""
         s: NDArray[Any] = 1j * (omega[:, None, None] * self.C + self.D)
         for law, K in self.laws:
             s = s + law_change(law, omega)[:, None, None] * K
         return s
 
-    def wide_factors(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
+    def wide_factors(self, omega: Floats) -> list[Complexes]:
         """Return the factor of each wide matrix at each line."""
         factors = {"C": 1j * omega, "D": np.full(len(omega), 1j)}
         return [factors[of] if isinstance(of, str) else law_change(of, omega) for of, _ in self.wide]
@@ -122,7 +123,7 @@ def locals_of(system: System, *, reciprocal: bool = True) -> Locals:
     index = tuple(np.concatenate([r[i] for r in rows]) for i in (0, 1))
     U = sp.coo_array((np.concatenate(values), index), shape=(n_dof, n)).tocsr()
     C, D = np.zeros((2, n, n))
-    laws: dict[Law, NDArray[np.float64]] = {}
+    laws: dict[Law, Floats] = {}
     for start, k, law, matrices in blocks:
         at = slice(start, start + k)
         for key, X in matrices.items():
@@ -191,22 +192,22 @@ class Superposition:
         The input that an output equals, -1 without one.
     """
 
-    stiffness: NDArray[np.float64]
-    mass: NDArray[np.float64]
+    stiffness: Floats
+    mass: Floats
     n_modes: int
     n_rigid: int
-    loads: NDArray[np.float64]
-    responses: NDArray[np.float64]
+    loads: Floats
+    responses: Floats
     local: Locals
-    wide: tuple[NDArray[np.float64], ...]
+    wide: tuple[Floats, ...]
     damping: Damping
-    residual: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-    outside: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    residual: tuple[Floats, Floats] | None = None
+    outside: tuple[Floats, Floats] | None = None
     shift: float = 0.0
     cut: float = np.inf
-    beyond: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    response_size: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    same: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    beyond: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    response_size: Floats = field(default_factory=lambda: np.zeros(0))
+    same: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
     def n_vectors(self) -> int:
@@ -233,14 +234,14 @@ class Superposition:
 class _ModalLines:
     """Superposition at some lines: Z = stiffness + damping, and motions of the proportional part."""
 
-    omega: NDArray[np.float64]
+    omega: Floats
     k: NDArray[Any]
     m: NDArray[Any]
     z: NDArray[Any]
     undamped: NDArray[Any]
 
     @classmethod
-    def of(cls, s: Superposition, omega: NDArray[np.float64]) -> "_ModalLines":
+    def of(cls, s: Superposition, omega: Floats) -> "_ModalLines":
         d = s.damping
         k = 1 + 1j * (d.loss_factor + s.local.loss + omega * d.beta)
         m = 1j * omega * d.alpha - omega**2
@@ -253,9 +254,7 @@ class _ModalLines:
         return cls(omega, k, m, z, undamped)
 
 
-def receptance(
-    s: Superposition, omega: NDArray[np.float64], bounds: bool = True
-) -> tuple[NDArray[np.complex128], NDArray[np.float64] | None]:
+def receptance(s: Superposition, omega: Floats, bounds: bool = True) -> tuple[Complexes, Floats | None]:
     """Return receptances (n_freq, n_out, n_in) at some lines, and a bound of the error of each.
 
     The bound is None where none is known: with damping of members.
@@ -271,8 +270,8 @@ def receptance(
 
 
 def receptance_blocks(
-    s: Superposition, omega: NDArray[np.float64], derivatives: int, symmetric: bool, out: NDArray[Any] | None
-) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
+    s: Superposition, omega: Floats, derivatives: int, symmetric: bool, out: NDArray[Any] | None
+) -> Iterator[tuple[slice, Complexes]]:
     """Return slices of lines and the FRFs there, (lines, n_out, n_in), one after the other.
 
     Each overwrites the former unless there is an array ``out`` (n_freq, n_out, n_in) for all. Of modes that
@@ -309,9 +308,7 @@ def receptance_blocks(
         yield lines, H
 
 
-def _receptance(
-    s: Superposition, omega: NDArray[np.float64], bounds: bool
-) -> tuple[NDArray[np.complex128], Any]:
+def _receptance(s: Superposition, omega: Floats, bounds: bool) -> tuple[Complexes, Any]:
     at, n_in = _ModalLines.of(s, omega), s.n_in
     if s.wide:
         return _coupled(s, at), None
@@ -352,7 +349,7 @@ def _receptance(
     return damped, _bound(s, at, y, (W, reaction, back), damped) if bounds else None
 
 
-def _coupled(s: Superposition, at: _ModalLines) -> NDArray[np.complex128]:
+def _coupled(s: Superposition, at: _ModalLines) -> Complexes:
     """Return receptances where damping of members couples all vectors: one solution for each line."""
     n = s.n_vectors
     Z = np.zeros((len(at.omega), n, n), dtype=complex)
@@ -370,9 +367,7 @@ def _coupled(s: Superposition, at: _ModalLines) -> NDArray[np.complex128]:
     return H if s.residual is None else H + s.residual[0][:, : s.n_in] / at.k[:, None, None]
 
 
-def _bound(
-    s: Superposition, at: _ModalLines, y: NDArray[Any], damped: Any, H: NDArray[np.complex128]
-) -> NDArray[np.float64]:
+def _bound(s: Superposition, at: _ModalLines, y: NDArray[Any], damped: Any, H: Complexes) -> Floats:
     """Return a bound of the error at each line; see the section "FRFs" of docs/theory-fem.md.
 
     ‖r_b‖ · min(‖c‖ + ‖G W H_c‖, ‖r_c‖) / (1 - ‖G W Gᵀ‖), in coordinates in which the flexibility
@@ -420,11 +415,11 @@ def _largest_ratio(s: Superposition) -> float:
     return float(max(d.ratio_at(np.sqrt(s.cut) / (2 * np.pi)), beyond.max(initial=0.0)))
 
 
-def _length(G: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _length(G: Complexes) -> Floats:
     return np.sqrt((np.abs(G) ** 2).sum(axis=1))
 
 
-def _real_times(A: NDArray[np.float64], Y: NDArray[Any]) -> NDArray[np.complex128]:
+def _real_times(A: Floats, Y: NDArray[Any]) -> Complexes:
     """Multiply a real matrix (m, r) with complex ones (n_freq, r, n) by real products."""
     Y = np.ascontiguousarray(Y)
     out = np.empty((len(Y), len(A), Y.shape[2]), dtype=complex)
@@ -440,9 +435,9 @@ def superpose(
     local: Locals,
     inputs: Any,
     outputs: Any,
-    loads: NDArray[np.float64],
+    loads: Floats,
     more: Complement | None,
-    response_size: NDArray[np.float64] | None = None,
+    response_size: Floats | None = None,
 ) -> Superposition:
     """Project a system on its modes and on vectors beyond them.
 
@@ -500,7 +495,7 @@ def superpose(
     )
 
 
-def response_sizes(system: System, pairs: Eigenpairs, forces: Any) -> NDArray[np.float64]:
+def response_sizes(system: System, pairs: Eigenpairs, forces: Any) -> Floats:
     """Return √(bᵀ(K - σM)⁻¹b) of sparse forces (n_free, n) without their part in the modes."""
     forces = sp.csc_array(forces)
     out = np.zeros(forces.shape[1])
@@ -512,7 +507,7 @@ def response_sizes(system: System, pairs: Eigenpairs, forces: Any) -> NDArray[np
     return np.sqrt(np.maximum(out, 0.0))
 
 
-def _same(inputs: Any, outputs: Any) -> NDArray[np.int64]:
+def _same(inputs: Any, outputs: Any) -> Ints:
     """Return the input that each output equals, -1 without one."""
 
     def keys(X: Any) -> list[tuple[bytes, bytes]]:
@@ -526,7 +521,7 @@ def _same(inputs: Any, outputs: Any) -> NDArray[np.int64]:
 
 
 def static_residual(
-    system: System, pairs: Eigenpairs, s: Superposition, loads: NDArray[np.float64], outputs: Any
+    system: System, pairs: Eigenpairs, s: Superposition, loads: Floats, outputs: Any
 ) -> Superposition:
     """Add the static flexibility of the modes left out to modes alone.
 
@@ -539,7 +534,7 @@ def static_residual(
         shift = -0.1 * s.cut
         pairs = replace(pairs, factor=factorise(system.K - shift * system.M), shift=shift)
 
-    def solved(b: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def solved(b: Floats) -> tuple[Floats, Floats]:
         b = b - system.M @ (pairs.vectors @ (pairs.vectors.T @ b))
         x = pairs.factor.solve(b)
         rate = abs(pairs.shift) / (s.cut + abs(pairs.shift))

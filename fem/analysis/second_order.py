@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.buckling import lowest_factor
 from fem.analysis.initial_stress import StressedState, stress_effect
@@ -25,6 +24,7 @@ from fem.analysis.modes import n_negative
 from fem.analysis.section_forces import line_stiffness
 from fem.analysis.static_rounding import energy_rounding, residual_rounding
 from fem.analysis.statics import Loading, StaticSolution, factor_stiffness
+from fem.array_types import Floats
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import Model, ModelError
 from fem.recent import Recent
@@ -141,9 +141,7 @@ def solve_second_order(model: Model | System, case: LoadCase) -> SecondOrder:
     raise ModelError(msg)
 
 
-def _state(
-    loading: Loading, model: Model, K: Any, stiffness: NDArray[np.float64], u: NDArray[np.float64]
-) -> StressedState:
+def _state(loading: Loading, model: Model, K: Any, stiffness: Floats, u: Floats) -> StressedState:
     """Return the static state with displacements u under the stiffness of all DOFs and of lines."""
     reactions = {key: float(value[0]) for key, value in loading.reactions(K @ u - loading.f).items()}
     return StressedState(model, u, loading.equilibrium(model, stiffness, u), reactions)
@@ -183,13 +181,13 @@ def _factor(
     raise ModelError(msg)
 
 
-def _change(system: System, new: NDArray[np.float64], old: NDArray[np.float64]) -> float:
+def _change(system: System, new: Floats, old: Floats) -> float:
     """Return the change of coordinates (n_free, 1) relative to them, in the norm of the stiffness."""
     step = (new - old)[:, 0]
     return _relative(system, float(np.sqrt(max(float(step @ (system.K @ step)), 0.0))), new)
 
 
-def _relative(system: System, energy: float, q: NDArray[np.float64]) -> float:
+def _relative(system: System, energy: float, q: Floats) -> float:
     """Return a norm of displacements [√J] relative to that of coordinates (n_free, 1) [-]."""
     size = float(q[:, 0] @ (system.K @ q[:, 0]))
     return energy / float(np.sqrt(size)) if size > 0 else 0.0

@@ -18,6 +18,7 @@ from fem.analysis.line_loads import (
     line_dofs,
     rigidity_at,
 )
+from fem.array_types import Floats, Ints
 from fem.elements import tapered
 from fem.elements.connections import moved_by_loads
 from fem.elements.frame import Frame
@@ -48,12 +49,12 @@ class LineEquilibrium:
         Acceleration of gravity [m/s²].
     """
 
-    ends: NDArray[np.float64]
-    fixed: NDArray[np.float64]
-    initial: NDArray[np.float64]
+    ends: Floats
+    fixed: Floats
+    initial: Floats
     loads: SpreadLoads
-    strain: NDArray[np.float64]
-    gravity: NDArray[np.float64]
+    strain: Floats
+    gravity: Floats
 
     def case(self, column: int) -> "LineEquilibrium":
         """Return the forces of one load case alone."""
@@ -63,17 +64,17 @@ class LineEquilibrium:
         )
 
 
-def line_stiffness(model: Model) -> NDArray[np.float64]:
+def line_stiffness(model: Model) -> Floats:
     """Return the stiffness of each line with all effects that change it, shape (n_lines, 12, 12)."""
     return _line_matrices(model, "K")
 
 
-def line_mass(model: Model) -> NDArray[np.float64]:
+def line_mass(model: Model) -> Floats:
     """Return the mass of each line with all effects that change it, shape (n_lines, 12, 12)."""
     return _line_matrices(model, "M")
 
 
-def _line_matrices(model: Model, key: str) -> NDArray[np.float64]:
+def _line_matrices(model: Model, key: str) -> Floats:
     out = np.zeros((model.mesh.n_lines, 12, 12))
     for rows, c in elements_on_lines(model):
         X = getattr(c, key)
@@ -82,7 +83,7 @@ def _line_matrices(model: Model, key: str) -> NDArray[np.float64]:
     return out
 
 
-def initial_forces(model: Model, axes: LineAxes, K: NDArray[np.float64]) -> NDArray[np.float64]:
+def initial_forces(model: Model, axes: LineAxes, K: Floats) -> Floats:
     """Return the forces of the nodes on the lines whose geometric stiffness is in the lines' stiffness.
 
     A rotation θ of a line meets no other resistance, and turns these forces:
@@ -111,13 +112,7 @@ def initial_forces(model: Model, axes: LineAxes, K: NDArray[np.float64]) -> NDAr
     return np.where(abs(out) > rounding, out, 0.0)
 
 
-def section_forces(
-    model: Model,
-    equilibrium: LineEquilibrium,
-    u: NDArray[np.float64],
-    lines: NDArray[np.int64],
-    xi: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def section_forces(model: Model, equilibrium: LineEquilibrium, u: Floats, lines: Ints, xi: Floats) -> Floats:
     """Return the section forces at fractions of lines, shape (n, 6, n_cases).
 
     They hold the part before the cut in equilibrium with its node's force and its loads. Under geometric
@@ -153,13 +148,7 @@ def section_forces(
     return np.concatenate([R @ force, R @ moment], axis=1)
 
 
-def _moments_of_displacement(
-    model: Model,
-    lines: NDArray[np.int64],
-    xi: NDArray[np.float64],
-    initial: NDArray[np.float64],
-    u: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _moments_of_displacement(model: Model, lines: Ints, xi: Floats, initial: Floats, u: Floats) -> Floats:
     """Return the moments about displaced places of the initial forces before them, shape (n, 3, n_cases).
 
     The node's force f and a uniform load that closes the line's equilibrium act at displaced places; the
@@ -169,7 +158,7 @@ def _moments_of_displacement(
     f, m = initial[lines, 0, 0], initial[lines, 0, 1]
     per_axis = -(initial[lines, 0, 0] + initial[lines, 1, 0])
 
-    def moved(x: NDArray[np.float64], some: Any = slice(None)) -> NDArray[np.float64]:
+    def moved(x: Floats, some: Any = slice(None)) -> Floats:
         return frame.axis_displacements(model.mesh, lines[some], x, u)
 
     here, node = moved(xi), u[dofs[:, :3]]
@@ -185,8 +174,8 @@ def _moments_of_displacement(
 
 
 def motion_between_nodes(
-    model: Model, equilibrium: LineEquilibrium, u: NDArray[np.float64], line: int, xi: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    model: Model, equilibrium: LineEquilibrium, u: Floats, line: int, xi: Floats
+) -> Floats:
     """Return the motion that the loads on a line add between its nodes, shape (n, 6, n_cases).
 
     With the strains ε, γ and κ of the section forces that hold the loads while the nodes rest, v = ∫ γ ds +
@@ -200,14 +189,14 @@ def motion_between_nodes(
 
     n_points = tapered.N_STATIONS if frame.has_tapers else 4
 
-    def strains(at: NDArray[np.float64]) -> NDArray[np.float64]:
+    def strains(at: Floats) -> Floats:
         lines = np.full(at.size, line)
         extra = section_forces(model, at_rest, u, lines, at)
         rigidity = np.broadcast_to(rigidity_at(model, line, at)[:, :, None], extra.shape)
         e = np.divide(extra, rigidity, out=np.zeros_like(extra), where=rigidity > 0)
         return e + equilibrium.strain[line]
 
-    def integrated(x: float) -> NDArray[np.float64]:
+    def integrated(x: float) -> Floats:
         total = np.zeros((6, u.shape[1]))
         for lo, hi in zip(breaks[:-1], np.minimum(breaks[1:], x), strict=True):
             if hi <= lo:

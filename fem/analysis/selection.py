@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import DIRECTIONS, Model, ModelError
 
-Selection = Sequence[int | tuple[int, str]] | NDArray[np.float64]
+Selection = Sequence[int | tuple[int, str]] | Floats
 """DOF numbers, (point, direction) pairs, or combinations of DOFs as rows of an array (n, n_dof)."""
 
 
-def dof_vectors(model: Model, selection: Selection) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def dof_vectors(model: Model, selection: Selection) -> tuple[Floats, tuple[str, ...]]:
     """Return a selection as columns (n_dof, n), and labels such as ``"3Z+"``.
 
     Raises

@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, onenormest
 
 from fem.analysis.line_loads import line_dofs
 from fem.analysis.section_forces import LineEquilibrium, line_stiffness
+from fem.array_types import Floats, Ints
 from fem.linalg.solvers import Factor
 from fem.system import System, full_matrices
 
-_UNIT_ROUNDOFF = np.finfo(float).eps / 2
 _OPERATIONS = 36
 """Operations by which an entry of a line's stiffness comes from E, the section and both nodes.
 
@@ -27,9 +26,7 @@ _SIGNS = 8
 """Sets of signs: the standard deviation of their mean is half of it where one displacement decides."""
 
 
-def force_rounding(
-    system: System, factor: Factor | None, equilibrium: LineEquilibrium, u: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def force_rounding(system: System, factor: Factor | None, equilibrium: LineEquilibrium, u: Floats) -> Floats:
     """Return a bound of the rounding in section forces and reactions, shape (2, n_cases) [N, N·m].
 
     With m operations for each entry of K u and unit roundoff ε, refined displacements solve a system whose
@@ -62,12 +59,8 @@ def force_rounding(
 
 
 def residual_rounding(
-    K: Any,
-    on_lines: NDArray[np.float64],
-    dofs: NDArray[np.int64],
-    equilibrium: LineEquilibrium,
-    u: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    K: Any, on_lines: Floats, dofs: Ints, equilibrium: LineEquilibrium, u: Floats
+) -> tuple[Floats, Floats]:
     """Return bounds of the rounding in forces on lines and in those out of balance on all DOFs.
 
     The bound g of :func:`force_rounding`, for the stiffness K of all DOFs and that of lines
@@ -81,14 +74,14 @@ def residual_rounding(
         [N, N·m].
     """
     K = sp.csr_array(K)
-    unit = (_OPERATIONS + int(np.diff(K.indptr).max(initial=0))) * _UNIT_ROUNDOFF
+    unit = (_OPERATIONS + int(np.diff(K.indptr).max(initial=0))) * np.finfo(float).eps / 2
     lines = unit * (abs(on_lines) @ abs(u)[dofs] + abs(equilibrium.fixed))
     nodes = unit * (abs(K) @ abs(u))
     np.add.at(nodes, dofs, lines)
     return lines, nodes
 
 
-def energy_rounding(system: System, factor: Factor, nodes: NDArray[np.float64]) -> float:
+def energy_rounding(system: System, factor: Factor, nodes: Floats) -> float:
     """Return the size √(eᵀ K e) of displacements e that rounding of nodal forces within ±g makes [√J].
 
     The root mean square over independent signs, tr(G A⁻¹ K A⁻¹ G)^½ with G = diag(Qᵀ g), from a few of them
@@ -110,19 +103,12 @@ def energy_rounding(system: System, factor: Factor, nodes: NDArray[np.float64]) 
     return float(np.sqrt((e * (system.K @ e)).sum() / _SIGNS))
 
 
-def beyond_rounding(forces: NDArray[np.float64], rounding: NDArray[np.float64]) -> NDArray[np.float64]:
+def beyond_rounding(forces: Floats, rounding: Floats) -> Floats:
     """Return section forces (..., 6, n_cases), 0 where they are not above the bound (2, n_cases)."""
     return np.where(abs(forces) > np.repeat(rounding, 3, axis=0), forces, 0.0)
 
 
-def _influence(
-    system: System,
-    factor: Factor,
-    K: Any,
-    on_lines: NDArray[np.float64],
-    dofs: NDArray[np.int64],
-    nodes: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _influence(system: System, factor: Factor, K: Any, on_lines: Floats, dofs: Ints, nodes: Floats) -> Floats:
     """Return the largest force and moment, (2, n_cases), of nodal forces up to ``nodes`` (n_dof, n_cases).
 
     One estimate serves all cases: that of the largest nodal forces of the cases relative to their size.
@@ -143,11 +129,11 @@ def _influence(
         some = outputs[kinds == k]
         order = max(n, some.shape[0])
 
-        def apply(f: NDArray[np.float64], some: Any = some, order: int = order) -> NDArray[np.float64]:
+        def apply(f: Floats, some: Any = some, order: int = order) -> Floats:
             q = factor.solve(system.Q.T @ (shape * f.reshape(order, -1)[:n]))
             return _padded(some @ (system.Q @ q), order)
 
-        def transposed(y: NDArray[np.float64], some: Any = some, order: int = order) -> NDArray[np.float64]:
+        def transposed(y: Floats, some: Any = some, order: int = order) -> Floats:
             q = factor.solve(system.Q.T @ (some.T @ y.reshape(order, -1)[: some.shape[0]]))
             return _padded(shape * (system.Q @ q), order)
 
@@ -158,6 +144,6 @@ def _influence(
     return np.multiply.outer(found, size)
 
 
-def _padded(x: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+def _padded(x: Floats, order: int) -> Floats:
     """Return rows with rows of zeros up to an order: the estimate is of square matrices."""
     return np.pad(x, ((0, order - len(x)), (0, 0)))

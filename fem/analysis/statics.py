@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.line_loads import (
     LineAxes,
@@ -35,6 +35,7 @@ from fem.analysis.section_forces import (
     section_forces,
 )
 from fem.analysis.static_rounding import force_rounding
+from fem.array_types import Floats
 from fem.elements.frame import Frame
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import DIRECTIONS, Constraint, Model, ModelError, lever_matrix
@@ -72,27 +73,27 @@ class StaticSolution:
 
     model: Model
     cases: tuple[str, ...]
-    displacements: NDArray[np.float64]
-    reactions: Mapping[Key, NDArray[np.float64]]
-    springs: Mapping[Key, NDArray[np.float64]]
-    line_forces: NDArray[np.float64]
-    residual: NDArray[np.float64]
+    displacements: Floats
+    reactions: Mapping[Key, Floats]
+    springs: Mapping[Key, Floats]
+    line_forces: Floats
+    residual: Floats
     equilibrium: LineEquilibrium
     _kept: Recent = field(default_factory=lambda: Recent(1), init=False, repr=False)
 
     __repr__ = fields_summary
 
     @property
-    def rounding(self) -> NDArray[np.float64]:
+    def rounding(self) -> Floats:
         """Forces [N] and moments [N·m], of members and reactions, that rounding may make; (2, n_cases).
 
         See :func:`fem.analysis.static_rounding.force_rounding`. Computed when first asked for, with a
         separate factorisation.
         """
-        value: NDArray[np.float64] = self._kept.get("rounding", self._rounding)
+        value: Floats = self._kept.get("rounding", self._rounding)
         return value
 
-    def _rounding(self) -> NDArray[np.float64]:
+    def _rounding(self) -> Floats:
         system = assemble(self.model, reciprocal=False)
         factor = factor_stiffness(system) if system.n_free else None
         return force_rounding(system, factor, self.equilibrium, self.displacements)
@@ -102,7 +103,7 @@ class StaticSolution:
         """Number of load cases."""
         return len(self.cases)
 
-    def internal_forces(self, member: str, positions: ArrayLike) -> NDArray[np.float64]:
+    def internal_forces(self, member: str, positions: ArrayLike) -> Floats:
         """Return N, Vy, Vz, T, My and Mz at places along a member.
 
         They act on the positive face of the section, in the member's axes, so that N is positive in tension,
@@ -124,7 +125,7 @@ class StaticSolution:
         lines, xi = np.array([a.line for a in at]), np.array([a.xi for a in at])
         return section_forces(self.model, self.equilibrium, self.displacements, lines, xi)
 
-    def displacements_along(self, member: str, positions: ArrayLike) -> NDArray[np.float64]:
+    def displacements_along(self, member: str, positions: ArrayLike) -> Floats:
         """Return displacements and rotations of places along a member's line, global.
 
         The motion of the nodes, and that of the loads between them while these rest: the strains beyond those
@@ -224,13 +225,13 @@ class Loading:
     cases: tuple[LoadCase, ...]
     axes: LineAxes
     spread: SpreadLoads
-    strain: NDArray[np.float64]
-    gravity: NDArray[np.float64]
-    on_lines: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    f: NDArray[np.float64]
+    strain: Floats
+    gravity: Floats
+    on_lines: Floats
+    weights: Floats
+    f: Floats
     constraints: tuple[Constraint, ...]
-    prescribed: NDArray[np.float64]
+    prescribed: Floats
 
     @classmethod
     def of(cls, model: Model, loads: LoadCase | Sequence[LoadCase] | PointLoads | None) -> "Loading":
@@ -257,18 +258,16 @@ class Loading:
             _prescribed(constraints, cases, model.n_dof),
         )
 
-    def on_coordinates(self, system: System, K: Any) -> NDArray[np.float64]:
+    def on_coordinates(self, system: System, K: Any) -> Floats:
         """Return the right-hand side Qᵀ(f - K u_p) with the stiffness of all DOFs, (n_free, n_cases)."""
         _check_loaded_dofs(system, self.constraints, self.f)
         return np.asarray(system.Q.T @ (self.f - K @ self.prescribed))
 
-    def motion(self, system: System, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def motion(self, system: System, q: Floats) -> Floats:
         """Return the motion of all DOFs, (n_dof, n_cases)."""
         return np.asarray(system.Q @ q) + self.prescribed
 
-    def equilibrium(
-        self, model: Model, stiffness: NDArray[np.float64], u: NDArray[np.float64]
-    ) -> LineEquilibrium:
+    def equilibrium(self, model: Model, stiffness: Floats, u: Floats) -> LineEquilibrium:
         """Return the forces on lines of a stiffness (n_lines, 12, 12) in a motion (n_dof, n_cases)."""
         ends = stiffness @ u[line_dofs(model)] - self.on_lines - self.weights
         initial = initial_forces(model, self.axes, stiffness)
@@ -276,7 +275,7 @@ class Loading:
         fixed = -(self.on_lines + self.weights)
         return LineEquilibrium(ends[:, :6], fixed, initial, spread, self.strain, self.gravity)
 
-    def reactions(self, force: NDArray[np.float64]) -> dict[Key, NDArray[np.float64]]:
+    def reactions(self, force: Floats) -> dict[Key, Floats]:
         """Return the forces of constraints of which the forces out of balance (n_dof, n_cases) are made.
 
         They are taken from these.
@@ -287,9 +286,7 @@ class Loading:
             np.subtract.at(force, np.concatenate([c.dofs for c in self.constraints]), np.concatenate(exerted))
         return {c.key: reactions[c.key] for c in self.constraints if not c.everywhere}
 
-    def response(
-        self, model: Model, K: Any, u: NDArray[np.float64], stiffness: NDArray[np.float64] | None = None
-    ) -> StaticSolution:
+    def response(self, model: Model, K: Any, u: Floats, stiffness: Floats | None = None) -> StaticSolution:
         """Return the response with displacements (n_dof, n_cases) under the stiffness K of all DOFs.
 
         The model has the loads' lines, masses and constraints; its stiffness may be another. That of its
@@ -315,7 +312,7 @@ class Loading:
         )
 
 
-def load_vectors(model: Model, loads: LoadCase | Sequence[LoadCase] | PointLoads) -> NDArray[np.float64]:
+def load_vectors(model: Model, loads: LoadCase | Sequence[LoadCase] | PointLoads) -> Floats:
     """Return the forces on all DOFs that do the work of load cases, shape (n_dof, n_cases) [N, N·m].
 
     Parameters
@@ -341,12 +338,12 @@ def load_vectors(model: Model, loads: LoadCase | Sequence[LoadCase] | PointLoads
     return f
 
 
-def _gravity(cases: Sequence[LoadCase]) -> NDArray[np.float64]:
+def _gravity(cases: Sequence[LoadCase]) -> Floats:
     """Return the accelerations of gravity, shape (3, n_cases)."""
     return np.array([checked_vector(c.gravity, f"gravity of load case '{c.name}'") for c in cases]).T
 
 
-def _at_points(model: Model, cases: Sequence[LoadCase], gravity: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at_points(model: Model, cases: Sequence[LoadCase], gravity: Floats) -> Floats:
     """Return the forces of loads at points and of gravity on all mass, shape (n_dof, n_cases)."""
     f = np.column_stack([point_forces(model, c) for c in cases])
     if gravity.any():
@@ -354,13 +351,11 @@ def _at_points(model: Model, cases: Sequence[LoadCase], gravity: NDArray[np.floa
     return f
 
 
-def _prescribed(
-    constraints: tuple[Constraint, ...], cases: Sequence[LoadCase], n_dof: int
-) -> NDArray[np.float64]:
+def _prescribed(constraints: tuple[Constraint, ...], cases: Sequence[LoadCase], n_dof: int) -> Floats:
     """Return motions that violate each constraint as prescribed, shape (n_dof, n_cases)."""
     u = np.zeros((n_dof, len(cases)))
     by_key = {c.key: c for c in constraints}
-    units: dict[Key, NDArray[np.float64]] = {}
+    units: dict[Key, Floats] = {}
     for column, case in enumerate(cases):
         for key, value in case.displacements.items():
             if key not in by_key:
@@ -385,7 +380,7 @@ def _prescribed(
     return u
 
 
-def _check_loaded_dofs(system: System, constraints: tuple[Constraint, ...], f: NDArray[np.float64]) -> None:
+def _check_loaded_dofs(system: System, constraints: tuple[Constraint, ...], f: Floats) -> None:
     """Raise an error for a load where there is neither stiffness nor mass."""
     missed = np.abs(f - system.Q @ (system.Q.T @ f)) > 1e-9 * np.abs(f).max(axis=0)
     fixed = np.zeros(len(f), dtype=bool)
@@ -401,7 +396,7 @@ def _check_loaded_dofs(system: System, constraints: tuple[Constraint, ...], f: N
         raise ModelError(msg)
 
 
-def _solve(system: System, b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _solve(system: System, b: Floats) -> Floats:
     """Solve K q = b, with one step of refinement; q is empty where every point is fixed."""
     if not system.n_free:
         return b
@@ -453,14 +448,12 @@ def _describe_free(system: System) -> str:
     )
 
 
-def constraint_forces(
-    constraints: tuple[Constraint, ...], force: NDArray[np.float64]
-) -> dict[Key, NDArray[np.float64]]:
+def constraint_forces(constraints: tuple[Constraint, ...], force: Floats) -> dict[Key, Floats]:
     """Return the force of each constraint, from the forces (n_dof, n_cases) of all of them together.
 
     Redundant constraints share equally (least squares of least norm).
     """
-    out: dict[Key, NDArray[np.float64]] = {}
+    out: dict[Key, Floats] = {}
     for group in constraint_groups(constraints):
         if len(group) == 1 and len(group[0].dofs) == 1:  # thousands of a planar model
             out[group[0].key] = force[group[0].dofs[0]] / group[0].coefficients[0]
@@ -475,17 +468,17 @@ def constraint_forces(
     return out
 
 
-def _force_scale(model: Model) -> NDArray[np.float64]:
+def _force_scale(model: Model) -> Floats:
     """Return factors (n_dof, 1) that make moments forces, by the structure's size."""
     scale = np.ones((model.n_dof, 1))
     scale[: 6 * model.mesh.n_points].reshape(-1, 6)[:, 3:] = 1 / model.mesh.size
     return scale
 
 
-def _ground_springs(model: Model, u: NDArray[np.float64]) -> dict[Key, NDArray[np.float64]]:
+def _ground_springs(model: Model, u: Floats) -> dict[Key, Floats]:
     """Return the forces of elastic elements that resist the motion of a rigid body."""
     motions = rigid_motions(model)
-    out: dict[Key, NDArray[np.float64]] = {}
+    out: dict[Key, Floats] = {}
     n = 6 * model.mesh.n_points
     for effect in model.effects:
         if effect.within_members:

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.section_forces import section_forces
 from fem.analysis.section_stress import section_stresses
 from fem.analysis.static_rounding import beyond_rounding
 from fem.analysis.statics import StaticSolution
+from fem.array_types import Floats
 from fem.elements.frame import Frame
 from fem.summary import fields_summary
 
@@ -33,9 +33,9 @@ class Stations:
         Of the member's line, global [m, rad].
     """
 
-    positions: NDArray[np.float64]
-    forces: NDArray[np.float64]
-    displacements: NDArray[np.float64]
+    positions: Floats
+    forces: Floats
+    displacements: Floats
 
     __repr__ = fields_summary
 
@@ -101,17 +101,13 @@ def largest_displacements(solution: StaticSolution) -> tuple[LargestDisplacement
     return tuple(found)
 
 
-def _sizes(solution: StaticSolution, member: str, places: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sizes(solution: StaticSolution, member: str, places: Floats) -> Floats:
     """Return the sizes of displacements at places along a member, (n, n_cases) [m]."""
     return np.linalg.norm(solution.displacements_along(member, places)[:, :3], axis=1)
 
 
 def _refined(
-    solution: StaticSolution,
-    member: str,
-    places: NDArray[np.float64],
-    sizes: NDArray[np.float64],
-    k: int,
+    solution: StaticSolution, member: str, places: Floats, sizes: Floats, k: int
 ) -> tuple[float, float]:
     """Return the largest size of a load case and its place, from sizes at places of a member.
 
@@ -126,7 +122,7 @@ def _refined(
     return float(values[i]), float(s[i])
 
 
-def forces_on_lines(solution: StaticSolution, pieces: int) -> NDArray[np.float64]:
+def forces_on_lines(solution: StaticSolution, pieces: int) -> Floats:
     """Return the section forces at the ends of equal pieces of all lines, (n_lines, pieces + 1, 6, n_cases).
 
     Both sides of a node are there, as ends of two lines. A concentrated force on a member acts behind its
@@ -139,7 +135,7 @@ def forces_on_lines(solution: StaticSolution, pieces: int) -> NDArray[np.float64
     return found.reshape(n, pieces + 1, 6, -1)
 
 
-def stresses_on_lines(solution: StaticSolution, pieces: int) -> dict[str, NDArray[np.float64]]:
+def stresses_on_lines(solution: StaticSolution, pieces: int) -> dict[str, Floats]:
     """Return the extremes of stresses at the ends of equal pieces of all lines, by the names of `STRESSES`.
 
     Section forces that are rounding make none.

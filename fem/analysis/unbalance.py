@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.frf_solver import compute_frf
 from fem.analysis.selection import Selection, dof_vectors
+from fem.array_types import Complexes, Floats
 from fem.effects.spin import Spin, refuse_speeds, spinning
 from fem.elements.frame import Frame
 from fem.model import Model, ModelError
@@ -61,15 +62,15 @@ class UnbalanceResponse:
         u with Re u e^{iΩt} [m, rad].
     """
 
-    speed: NDArray[np.float64]
+    speed: Floats
     ratio: float
     outputs: tuple[str, ...]
-    displacement: NDArray[np.complex128]
+    displacement: Complexes
 
     __repr__ = fields_summary
 
     @property
-    def frequency(self) -> NDArray[np.float64]:
+    def frequency(self) -> Floats:
         """Frequency of the response at each speed [Hz]."""
         return np.abs(self.ratio * self.speed) / (2 * np.pi)
 
@@ -134,9 +135,7 @@ def _at(still: System, turning: Model, G: sp.csc_array, speed: float) -> System:
     return replace(still, C=sp.csc_array(still.C + speed * G), model=model)
 
 
-def _forces(
-    model: Model, unbalances: Sequence[Unbalance]
-) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+def _forces(model: Model, unbalances: Sequence[Unbalance]) -> tuple[float, Floats, Floats]:
     """Return the ratio of the unbalances' speed, and forces at Ω = 1 along e₁ and e₂, both (n_dof,)."""
     if not unbalances:
         msg = "there is no unbalance; give at least one"

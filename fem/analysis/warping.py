@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats
 from fem.elements.frame import Frame
 from fem.elements.stretches import stiffness_of_stretch
 from fem.model import Contribution, Model
@@ -48,9 +48,7 @@ def warping_constant(section: Section) -> float:
     return WARPING[section.shape](section.dimensions)
 
 
-def line_work(
-    model: Model, parts: tuple[Contribution, ...], shapes: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def line_work(model: Model, parts: tuple[Contribution, ...], shapes: Floats) -> Floats:
     """Return xᵀ K x of each line on shapes x (n_dof, k), (n_lines, k)."""
     out = np.zeros((model.mesh.n_lines, shapes.shape[1]))
     for c in parts:
@@ -60,9 +58,7 @@ def line_work(
     return out
 
 
-def warping_gains(
-    model: Model, shapes: NDArray[np.float64]
-) -> Iterator[tuple[str, float, NDArray[np.float64]]]:
+def warping_gains(model: Model, shapes: Floats) -> Iterator[tuple[str, float, Floats]]:
     """Yield members that resist warping, k, and the part by which that raises xᵀKx of each shape at most.
 
     Warping adds k² = π²E Iw/(G J L²) to the torsion of a half-wave of the member's length L.

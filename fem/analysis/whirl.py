@@ -1,12 +1,10 @@
 """Whirl of rotors: in which sense, and how round, the axes of rotors turn in a mode."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.declarations import Role
 from fem.model import Model
-
-Complex = NDArray[np.complex128]
 
 AT_REST = 1e-12
 """Part of a mode's energy below which its gyroscopic work is rounding: no rotor's axis turns [-]."""
@@ -15,7 +13,7 @@ PLANAR = 1e-6
 """Size of the whirl below which its sense is rounding [-]."""
 
 
-def whirl(model: Model, poles: Complex, shapes: Complex) -> NDArray[np.float64]:
+def whirl(model: Model, poles: Complexes, shapes: Complexes) -> Floats:
     """Return the whirl of modes: 1 forward in circles, 0 in a plane, -1 backward in circles.
 
     The rotations of a rotor's axis describe an ellipse. Its circularity, positive in the sense of the spin,

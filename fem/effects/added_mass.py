@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Entry, Marker, Relevant, Role, Site, StiffnessAt, Yardstick
 from fem.effects.on_member import AtPosition, WithinMember, position_between
 from fem.elements.frame import Frame
@@ -45,8 +45,8 @@ class AddedMass(Effect):
     marker: ClassVar[Marker | None] = Marker("circle", "green")
     point: int
     mass: Any
-    inertia: NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 3)))
-    arm: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    arm: Floats = field(default_factory=lambda: np.zeros(3))
     spins: bool = True
 
     def __post_init__(self) -> None:
@@ -97,7 +97,7 @@ class AddedMass(Effect):
                 f"{structure.size:.4g} m; is its inertia in kg·m²?",
             )
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Its centre of mass."""
         return (model.mesh.points[self.point] + self.arm)[None]
 

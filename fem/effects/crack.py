@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Entry, Marker, Relevant, Role, Site, StiffnessAt
 from fem.effects.giving_way import GivesWay
 from fem.effects.on_member import place_on, position_between
@@ -137,7 +137,7 @@ class Crack(GivesWay):
                 )
         return tuple(out)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the place on the member."""
         return place_on(model, self.member, self.position)
 
@@ -213,7 +213,7 @@ class EndRelease(GivesWay):
                 )
         return tuple(out)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the end."""
         points = model.mesh.member_points(self.member)
         return model.mesh.points[[points[0 if self.end == 1 else -1]]]

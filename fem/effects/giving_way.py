@@ -1,6 +1,6 @@
 """Effects by which members give way at a place, in series with all that alters the element there."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from fem.effects.on_member import OnMember
 from fem.effects.places import elements_of, frame_of, parameters_of, sheared_frame
 from fem.effects.section_shear import SectionShear
-from fem.elements.cut import cut
+from fem.elements.cut import Cut, cut
+from fem.elements.frame import Frame
 from fem.elements.inner_place import InnerPlace, inner_place
 from fem.model import DIRECTIONS, Contribution, Effect, Model, ParameterRef, dofs_of, parameter_values
 from fem.recent import Unsent
@@ -57,10 +58,46 @@ class GivesWay(OnMember):
 
         Those in series with it ask for it as well.
         """
-        out: tuple[Contribution, ...] = self.elements.get((self, model), lambda: (self._cut(model),))
+        return (self._cut(model)[1],)
+
+    def steps_by_others(
+        self, model: Model, stepped: Mapping[ParameterRef, Model]
+    ) -> list[tuple[Contribution, ...]]:
+        """Return complex steps of its contributions by parameters of others, by those of its element."""
+        steps: dict[ParameterRef, Contribution] = self.elements.get(("steps", self, model), dict)
+        new = [ref for ref in stepped if ref not in steps]
+        if new:
+            line, frame_refs = self.line(model), elements_of(model, self.member, "E", "rho")
+            others = list(self._altering_effects(model, line))
+            follow = {e.name: {*parameters_of(e), *e.refers_to(model)} for e in others}
+            changes: list[tuple[Frame | None, list[Contribution]]] = []
+            for ref in new:
+                there = stepped[ref]
+                moved = [e for e in others if ref in follow[e.name]]
+                parts = [c for e in moved for c in self._step_on_line(e, model, line, ref, there)]
+                changes.append((sheared_frame(there) if ref in frame_refs else None, parts))
+            steps.update(zip(new, self._cut(model)[0].steps(model.mesh, changes), strict=True))
+        return [(steps[ref],) for ref in stepped]
+
+    def _step_on_line(
+        self, effect: Effect, model: Model, line: int, ref: ParameterRef, stepped: Model
+    ) -> tuple[Contribution, ...]:
+        """Return what another effect changes of the element, with a complex step of a parameter."""
+        if isinstance(effect, GivesWay) and ref[0] != effect.name:
+            return effect.steps_by_others(model, {ref: stepped})[0]
+        return self._on_line(stepped.effect(effect.name), stepped, line)
+
+    def _cut(self, model: Model) -> tuple[Cut, Contribution]:
+        """Return its element, and what that adds to the model."""
+
+        def made() -> tuple[Cut, Contribution]:
+            new = self._cut_anew(model)
+            return new, new.contribution
+
+        out: tuple[Cut, Contribution] = self.elements.get((self, model), made)
         return out
 
-    def _cut(self, model: Model) -> Contribution:
+    def _cut_anew(self, model: Model) -> Cut:
         line, frame = self.line(model), sheared_frame(model)
         changes = [c for e in self._altering_effects(model, line) for c in self._on_line(e, model, line)]
         if pull := frame.members[self.member].pretension:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Entry, Role, Site
 from fem.effects.added_mass import AddedMass
 from fem.effects.instruments import place_name
@@ -63,7 +63,7 @@ class SensorForm(Effect):
         dofs = dofs_of(self.points)[:, :3]
         return (Contribution(dofs, M=np.tile(self.mass * np.eye(3), (len(self.points), 1, 1))),)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the points."""
         return model.mesh.points[list(self.points)]
 
@@ -140,7 +140,7 @@ class DriverForm(Effect):
         dofs = dofs_of([self.point])[:, :3]
         return (Contribution(dofs, (self.across * across)[None], M=(self.mass * np.eye(3))[None]),)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the point."""
         return model.mesh.points[[self.point]]
 

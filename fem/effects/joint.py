@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.declarations import Marker, Role, Site, Yardstick
 from fem.effects.added_mass import too_heavy
 from fem.model import (
@@ -39,9 +40,7 @@ def joint_unit(direction: str, what: str = "k") -> str:
     return base if what == "k" else base.replace("N/m", "N·s/m").replace("N·m/rad", "N·m·s/rad")
 
 
-def relative_rows(
-    model: Model, point1: int, point2: int | None, location: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def relative_rows(model: Model, point1: int, point2: int | None, location: Floats) -> tuple[Ints, Floats]:
     """Return the DOFs of two points, and B with δ = B u.
 
     δ is the motion of the first relative to the second at a place, to which both are carried rigidly.
@@ -76,9 +75,7 @@ class Spread(Effect):
     __slots__ = ()
 
     @abstractmethod
-    def mean(
-        self, model: Model, point: int, other: int | None
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+    def mean(self, model: Model, point: int, other: int | None) -> tuple[Ints, Floats] | None:
         """Return DOFs (n,) and rows (6, n) of the motion in place of a point's; None where it is the point's.
 
         Parameters
@@ -112,8 +109,8 @@ class PointPair(Effect):
     connection: ClassVar[bool] = True
     point1: int
     point2: int | None = None
-    location: NDArray[np.float64]
-    axes: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    location: Floats
+    axes: Floats = field(default_factory=lambda: np.eye(3))
 
     def check(self) -> None:
         """Raise a ModelError unless the axes are unit vectors, square to each other and right-handed."""
@@ -126,7 +123,7 @@ class PointPair(Effect):
             )
             raise ModelError(msg)
 
-    def relative(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def relative(self, model: Model) -> tuple[Ints, Floats]:
         """Return the DOFs, (n,), and B (6, n) with the relative motion δ = B u in the element's axes.
 
         The DOFs are those of its points, unless the model has an effect that spreads it over its members.
@@ -134,7 +131,7 @@ class PointPair(Effect):
         dofs, B = self._spread(model) or relative_rows(model, self.point1, self.point2, self.location)
         return dofs, np.kron(np.eye(2), self.axes) @ B
 
-    def _spread(self, model: Model) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+    def _spread(self, model: Model) -> tuple[Ints, Floats] | None:
         if self.point2 is None:
             return None
         one, two = self.point1, self.point2
@@ -151,7 +148,7 @@ class PointPair(Effect):
         """Directions of its axes in which it has no relative motion."""
         return ()
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return its place, (1, 3) [m]."""
         return self.location[None]
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Entry, Marker, Role, Site
 from fem.effects.joint import Joint
 from fem.effects.mounting import OnSide, is_foot, sides_of
@@ -36,7 +36,7 @@ class JointHole(OnSide):
         places="each side of each elastic joint, both directions across the member",
     )
     direction: str
-    across: NDArray[np.float64]
+    across: Floats
 
     @property
     def where(self) -> Site:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.declarations import Entry, Role, StiffnessAt
 from fem.effects.joint import TRANSLATIONS, joint_unit
 from fem.effects.places import InDirection
@@ -59,13 +59,11 @@ class AmplitudeDependent(InDirection):
         """Return the storage and the loss stiffness at the amplitude [N/m or N·m/rad]."""
         raise NotImplementedError
 
-    def stiffness_at(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def stiffness_at(self, amplitude: Floats) -> Complexes:
         """Return k at amplitudes of any shape, all above 0 [N/m or N·m/rad]."""
         raise NotImplementedError
 
-    def slopes_at(
-        self, amplitude: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
+    def slopes_at(self, amplitude: Floats) -> tuple[Complexes, Mapping[str, Complexes]]:
         """Return dk/da, and dk by each parameter, at amplitudes of any shape."""
         raise NotImplementedError
 
@@ -106,13 +104,11 @@ class JointCubic(AmplitudeDependent):
         """Return ¾ k₃ a² and no loss."""
         return 0.75 * self.cubic * self.amplitude**2, None
 
-    def stiffness_at(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def stiffness_at(self, amplitude: Floats) -> Complexes:
         """Return ¾ k₃ a²."""
         return (0.75 * self.cubic * amplitude**2).astype(complex)
 
-    def slopes_at(
-        self, amplitude: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
+    def slopes_at(self, amplitude: Floats) -> tuple[Complexes, Mapping[str, Complexes]]:
         """Return 3/2 k₃ a, and ¾ a² by k₃."""
         by_parameter = {"cubic": (0.75 * amplitude**2).astype(complex)}
         return (1.5 * self.cubic * amplitude).astype(complex), by_parameter
@@ -172,14 +168,12 @@ class JointGap(AmplitudeDependent):
         )
         return self.stiffness * (1 - 2 / np.pi * (angle + x * root)), None
 
-    def stiffness_at(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def stiffness_at(self, amplitude: Floats) -> Complexes:
         """Return k (1 - 2/π (asin x + x √(1 - x²))) with x = g/a, 0 for x above 1."""
         x = np.minimum(self.gap / amplitude, 1.0)
         return (self.stiffness * (1 - 2 / np.pi * (np.arcsin(x) + x * np.sqrt(1 - x**2)))).astype(complex)
 
-    def slopes_at(
-        self, amplitude: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
+    def slopes_at(self, amplitude: Floats) -> tuple[Complexes, Mapping[str, Complexes]]:
         """Return the slopes by a, by k, and by g: dk/dx = -4/π k √(1 - x²)."""
         x = np.minimum(self.gap / amplitude, 1.0)
         root = np.sqrt(1 - x**2)
@@ -231,13 +225,11 @@ class JointFriction(AmplitudeDependent):
         """Return no stiffness, and the loss 4F/(πa)."""
         return None, 4 * self.force / (np.pi * self.amplitude)
 
-    def stiffness_at(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def stiffness_at(self, amplitude: Floats) -> Complexes:
         """Return i 4F/(πa)."""
         return 4j * self.force / (np.pi * amplitude)
 
-    def slopes_at(
-        self, amplitude: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], Mapping[str, NDArray[np.complex128]]]:
+    def slopes_at(self, amplitude: Floats) -> tuple[Complexes, Mapping[str, Complexes]]:
         """Return -i 4F/(πa²), and i 4/(πa) by F."""
         return -4j * self.force / (np.pi * amplitude**2), {
             "force": (4j / (np.pi * amplitude)).astype(complex)

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.joint import Joint, PointPair, Spread
 from fem.effects.places import frame_of, is_bar, section_extent
@@ -17,7 +17,7 @@ _LEAST_SINE = 0.35
 """Members that meet at a smaller angle lie along each other: such joints are left as they are."""
 _MOTIONS = 256
 """Mean motions that are kept: of two sides of each joint at the last few sizes."""
-_Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
+_Rows = tuple[Ints, Floats]
 
 
 class _Side(NamedTuple):
@@ -164,7 +164,7 @@ class JointPatch(Spread):
             return ()
         return (cls(name="joint_patch:all", sides=tuple(found.values()), joints=tuple(found)),)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the points of the joints."""
         return model.mesh.points[[side.point for pair in self.sides for side in pair]]
 
@@ -224,13 +224,13 @@ def turning_parameters(model: Model) -> tuple[ParameterRef, ...]:
     )
 
 
-def _axes(model: Model, side: _Side) -> NDArray[np.float64]:
+def _axes(model: Model, side: _Side) -> Floats:
     """Return the axes of a side's member there, as rows."""
     line = model.mesh.locate(side.member, side.position).line
     return frame_of(model).rotations(model.mesh, [line])[0]
 
 
-def _disc(model: Model, side: _Side, axes: NDArray[np.float64], across: NDArray[np.float64]) -> float:
+def _disc(model: Model, side: _Side, axes: Floats, across: Floats) -> float:
     """Return the stiffness with which a flat holds a disc as broad as the other against turning in its plane.
 
     4πGa²h [N·m/rad]; h is the area of its section over its breadth.

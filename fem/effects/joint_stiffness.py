@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Entry, Marker, Relevant, Role, Site, StiffnessAt
 from fem.effects.joint import Joint, joint_unit
 from fem.model import DIRECTIONS, Contribution, Effect, Model, Parameter, ParameterRef
@@ -154,6 +154,6 @@ class JointStiffness(Effect):
                 )
         return tuple(out)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the joints."""
         return np.vstack([model.effect(name).locations(model) for name in self.joints])

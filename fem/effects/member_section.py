@@ -4,14 +4,15 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Ints
 from fem.declarations import Entry, Marker, Relevant, Role, Site, StiffnessAt
 from fem.effects.on_member import OnMember
 from fem.effects.places import bending_members, elements_of, frame_of, material_of, sheared_frame
 from fem.elements.frame import changes_between, member_contribution
 from fem.elements.lines import SectionChange
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef, dofs_of
+from fem.sections.section import Section
 
 
 def changed_member(
@@ -39,7 +40,7 @@ def changed_member(
     return tuple(_of_all(c, dofs) for c in changes)
 
 
-def _of_all(one: Contribution, dofs: NDArray[np.int64]) -> Contribution:
+def _of_all(one: Contribution, dofs: Ints) -> Contribution:
     """Return the contribution of elements that all have the matrices of one."""
     K, M, D = (
         None if X is None else np.broadcast_to(X, (len(dofs), *X.shape[1:])) for X in (one.K, one.M, one.D)
@@ -90,12 +91,14 @@ class MemberSection(OnMember):
     def contribute(self, model: Model) -> tuple[Contribution, ...]:
         """Return the member's matrices with the stretched section, less the model's."""
         section = frame_of(model).members[self.member].section
+        return changed_member(model, self.member, SectionChange(**self.factors(section)))
+
+    def factors(self, section: Section) -> dict[str, Any]:
+        """Return the factors of the constants of the member's section."""
         f = 1 + self.change
         cube, one = (f**3, f) if self.direction == "z" else (f, f**3)
         polar = (cube * section.Iy + one * section.Iz) / (section.Iy + section.Iz)
-        return changed_member(
-            model, self.member, SectionChange(A=f, Iy=cube, Iz=one, Ip=polar, J=f**4 / polar)
-        )
+        return {"A": f, "Iy": cube, "Iz": one, "Ip": polar, "J": f**4 / polar}
 
     def refers_to(self, model: Model) -> tuple[ParameterRef, ...]:
         """Return the parameters on which the member's elements depend."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Site, StiffnessAt
 from fem.effects.giving_way import cut_parameters, place_at
 from fem.effects.joint import Joint
@@ -130,7 +130,7 @@ class OnSide(Effect):
         """Return shifts either way, as far as the bounds allow."""
         return shifts(self.lower, self.upper)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the joint's place."""
         return model.effect(self.joint).locations(model)
 

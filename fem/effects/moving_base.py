@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Internal, Marker, Role, Site
 from fem.effects.proportional_damping import MassDamping
 from fem.ground import MovingGround
@@ -34,7 +34,7 @@ class MovingBase(Effect):
     kind: ClassVar[str] = "moving_base"
     role: ClassVar[Role] = Role.MASS
     marker: ClassVar[Marker | None] = Marker("triangle", "support")
-    directions: NDArray[np.float64]
+    directions: Floats
     mass: float
 
     def __post_init__(self) -> None:
@@ -66,7 +66,7 @@ class MovingBase(Effect):
         return (Contribution(model.internal_dofs(self.name)[None], M=M[None]),)
 
 
-def base_moved(model: Model, directions: NDArray[np.float64], name: str = "moving base") -> Model:
+def base_moved(model: Model, directions: Floats) -> Model:
     """Return a model whose supports and grounds move along some directions (k, 3) with a heavy base.
 
     Rayleigh's αM then resists the motion relative to the base, as modal damping does.
@@ -90,8 +90,8 @@ def base_moved(model: Model, directions: NDArray[np.float64], name: str = "movin
             "joints and springs to the ground"
         )
         raise ModelError(msg)
-    moved = model.with_effect(MovingBase(name=name, directions=directions, mass=HEAVIER * mass))
+    moved = model.with_effect(MovingBase(name="moving base", directions=directions, mass=HEAVIER * mass))
     if not model.damping.alpha:
         return moved
-    rayleigh = MassDamping(name=f"mass damping of {name}", alpha=model.damping.alpha)
+    rayleigh = MassDamping(name="mass damping of moving base", alpha=model.damping.alpha)
     return moved.with_damping(replace(model.damping, alpha=0.0)).with_effect(rayleigh)

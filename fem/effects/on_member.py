@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Site
 from fem.model import Effect, Model, Parameter
 
@@ -27,7 +27,7 @@ class OnMember(Effect):
         """The member."""
         return Site(f"member {self.member}")
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the middle of the member."""
         return place_on(model, self.member, model.mesh.member_length(self.member) / 2)
 
@@ -60,12 +60,12 @@ class AtPosition(OnMember):
         """Member and position."""
         return Site(f"member {self.member}", self.position)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the place on the member."""
         return place_on(model, self.member, self.position)
 
 
-def place_on(model: Model, member: str, position: Any) -> NDArray[np.float64]:
+def place_on(model: Model, member: str, position: Any) -> Floats:
     """Return the point at an arc length of a member, (1, 3) [m]."""
     return model.mesh.point_at(model.mesh.locate(member, float(np.real(position))))[None]
 

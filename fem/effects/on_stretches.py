@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Complexes, Floats, Ints
 from fem.declarations import Site
 from fem.effects.places import reaches, sheared_frame
 from fem.effects.section_form import CHANGES, SectionForm
@@ -20,6 +21,8 @@ KEYS = tuple(key for key in CHANGES if key != "A")
 """Changes of sections that stiffness follows."""
 _MESHES = 4
 """Number of frames and meshes, and of models, whose tables an effect keeps."""
+_GAINS = 8
+"""Number of parts of flexibility for which an effect keeps what its stretches gain."""
 ITERATIONS = 6
 """Steps of Gauss and Newton: each takes about the square of the relative change of the moduli off."""
 
@@ -36,9 +39,9 @@ class OnStretches(WithFrame):
         In words.
     around : str
         Name of the joint or support there; empty for a corner.
-    tables, stretches : Unsent
-        Tables of its matrices and the flexibility of its stretches, by frame and mesh; effects with other
-        values share them.
+    tables, stretches, gains : Unsent
+        Tables of its matrices and the flexibility of its stretches, by frame and mesh, and what these gain;
+        effects with other values share them.
     """
 
     gives_way: ClassVar[bool] = True
@@ -47,6 +50,7 @@ class OnStretches(WithFrame):
     around: str = ""
     tables: Unsent = field(default_factory=lambda: Unsent(_MESHES), repr=False)
     stretches: Unsent = field(default_factory=lambda: Unsent(_MESHES), repr=False)
+    gains: Unsent = field(default_factory=lambda: Unsent(_GAINS), repr=False)
 
     @property
     def where(self) -> Site:
@@ -64,10 +68,10 @@ class OnStretches(WithFrame):
         """Return the changes of the members' sections: stretches are stiffer than members with these."""
         return tuple(ref for ref, *_ in self.section_changes(model))
 
-    def section_changes(self, model: Model) -> list[tuple[ParameterRef, NDArray[np.int64], int]]:
+    def section_changes(self, model: Model) -> list[tuple[ParameterRef, Ints, int]]:
         """Return changes of the members' sections, the elements that have them, and numbers of ``KEYS``."""
 
-        def made() -> list[tuple[ParameterRef, NDArray[np.int64], int]]:
+        def made() -> list[tuple[ParameterRef, Ints, int]]:
             forms = [e for e in model.of_kind(SectionForm) if any(m in e.members for m, *_ in self.zones)]
             members = self.stretches_on(model).members if forms else ()
             return [
@@ -77,7 +81,7 @@ class OnStretches(WithFrame):
                 if key in KEYS
             ]
 
-        out: list[tuple[ParameterRef, NDArray[np.int64], int]] = self.stretches.get((self.frame, model), made)
+        out: list[tuple[ParameterRef, Ints, int]] = self.stretches.get((self.frame, model), made)
         return out
 
     def stretches_on(self, model: Model) -> Stretches:
@@ -91,15 +95,17 @@ class OnStretches(WithFrame):
 
     def stiffer(self, model: Model, kept: ArrayLike) -> Contribution:
         """Return what the elements gain of stretches that keep a part of their flexibility."""
-        stretches = self.stretches_on(model)
-        K = stretches.gain(kept)
+        stretches, parts = self.stretches_on(model), np.asarray(kept)
+        # steps of many parameters leave the parts as they are
+        at = self.frame, model.mesh, parts.dtype, parts.tobytes()
+        K = self.gains.get((*at, "gain"), lambda: stretches.gain(parts))
         changes = [
             (lines, k, value)
             for (name, key), lines, k in self.section_changes(model)
             if (value := getattr(model.effect(name), key)) != 0
         ]
         if changes:
-            slopes = stretches.gain_slopes(kept)
+            slopes = self.gains.get((*at, "slopes"), lambda: stretches.gain_slopes(parts))
             K = K.astype(np.result_type(K, slopes, *(value for *_, value in changes)))
             for lines, k, value in changes:
                 K[lines] += value * slopes[k][lines]
@@ -118,7 +124,7 @@ class OnStretches(WithFrame):
         """Return tables of the stiffness for u, and the change of it in a plane, between two values."""
         stretches = self.stretches_on(model)
 
-        def gains(u: float, plane: float) -> NDArray[np.float64]:
+        def gains(u: float, plane: float) -> Floats:
             here = kept(u, plane)
             return np.concatenate([stretches.gain(here)[None], stretches.gain_slopes(here)])
 
@@ -137,7 +143,7 @@ class OnStretches(WithFrame):
         """Return the effect that adds the same matrices, on a frame with the model's present moduli."""
         return replace(self, frame=sheared_frame(model))._as_before(self, model)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return where the stretches begin, (n, 3) [m]."""
         mesh = model.mesh
         return np.array([mesh.point_at(mesh.locate(m, s)) for m, s, _, _ in self.zones])
@@ -159,7 +165,7 @@ class OnStretches(WithFrame):
         return self.with_values(**values)
 
 
-def _added(effect: Effect, model: Model) -> NDArray[np.complex128] | NDArray[np.float64]:
+def _added(effect: Effect, model: Model) -> Complexes | Floats:
     """Return the entries of K and M that an effect adds."""
     parts = effect.contribute(model)
     return np.concatenate([X.ravel() for c in parts for X in (c.K, c.M) if X is not None])

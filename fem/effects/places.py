@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.declarations import Site, Yardstick
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint, PointPair
@@ -48,12 +48,12 @@ class OnJoint(Effect):
             raise ModelError(msg)
         return joint
 
-    def strain(self, model: Model, direction: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def strain(self, model: Model, direction: str) -> tuple[Ints, Floats]:
         """Return the DOFs of the joint's points, and b with bᵀu its relative motion in a direction."""
         dofs, B = self.of(model).relative(model)
         return dofs, B[DIRECTIONS.index(direction)]
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the joint's place."""
         return self.of(model).locations(model)
 
@@ -117,7 +117,7 @@ class OnSupports(Effect):
         names = ", ".join(self.supports)
         return Site(f"support{'s' if len(self.supports) > 1 else ''} {names}", detail=self.direction)
 
-    def springs(self, model: Model) -> tuple[NDArray[np.int64], Array]:
+    def springs(self, model: Model) -> tuple[Ints, Array]:
         """Return the DOF (n, 1) and the stiffness (n, 1, 1) of each support."""
         points = [model.effect(name).point for name in self.supports]  # type: ignore[attr-defined]
         dofs = dofs_of(points)[:, [DIRECTIONS.index(self.direction)]]
@@ -131,7 +131,7 @@ class OnSupports(Effect):
         """Yield an absurd stiffness."""
         yield from odd_stiffness(self, structure)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the supports."""
         return np.vstack([model.effect(name).locations(model) for name in self.supports])
 
@@ -148,7 +148,7 @@ class AtPoint(Effect):
 
     point: int
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the point."""
         return model.mesh.points[[self.point]]
 
@@ -174,7 +174,7 @@ class OnPoint(AtPoint):
         return Site(self.place, detail=self.direction)
 
     @property
-    def dof(self) -> NDArray[np.int64]:
+    def dof(self) -> Ints:
         """Number of the one DOF, shape (1, 1)."""
         return dofs_of(self.point)[[DIRECTIONS.index(self.direction)]][None]
 
@@ -284,9 +284,7 @@ def is_bar(model: Model, member: str) -> bool:
     return frame_of(model).members[member].theory == "bar"
 
 
-def section_extent(
-    model: Model, member: str, axes: NDArray[np.float64], towards: NDArray[np.float64]
-) -> float:
+def section_extent(model: Model, member: str, axes: Floats, towards: Floats) -> float:
     """Return how far a section reaches from its axis in a direction, square to the axis or made so [m].
 
     Without an outline that of a rectangle with its second moments, of half sides √(3 I / A).
@@ -321,7 +319,7 @@ def member_ends(model: Model) -> Iterator[tuple[str, int, int]]:
         yield member, 2, int(points[-1])
 
 
-def n_lines_at(model: Model) -> NDArray[np.int64]:
+def n_lines_at(model: Model) -> Ints:
     """Return how many lines meet at each point, shape (n_points,)."""
     return np.bincount(model.mesh.lines.ravel(), minlength=model.mesh.n_points)
 
@@ -353,7 +351,7 @@ def welded_ends(model: Model) -> tuple[tuple[str, int, tuple[str, ...]], ...]:
     both have: the first is taken.
     """
     count, others, axes = n_lines_at(model), connected_points(model), frame_of(model).rotations(model.mesh)
-    first: dict[int, NDArray[np.float64]] = {}
+    first: dict[int, Floats] = {}
     out = []
     for member, end, point in member_ends(model):
         if count[point] < 2 or is_bar(model, member):

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats
 from fem.declarations import Role, Site
 from fem.effects.spin import spinning
 from fem.effects.sprung_mass import SprungMass
@@ -53,7 +53,7 @@ class Plane(Effect):
         return Site(f"plane {self.plane}")
 
     @property
-    def normal(self) -> NDArray[np.float64]:
+    def normal(self) -> Floats:
         """Unit vector normal to the plane, (3,)."""
         return np.eye(3)[PLANES[self.plane]]
 
@@ -137,7 +137,7 @@ def refusals(model: Model, plane: str) -> Iterator[tuple[str, str]]:
         yield from _oblique(frame, model, np.eye(3)[n])
 
 
-def _oblique(frame: Frame, model: Model, normal: NDArray[np.float64]) -> Iterator[tuple[str, str]]:
+def _oblique(frame: Frame, model: Model, normal: Floats) -> Iterator[tuple[str, str]]:
     """Yield members whose bending in the plane would push them out of it."""
     mesh = model.mesh
     layout = layout_of(frame.members, mesh)
@@ -170,7 +170,7 @@ def in_plane(model: Model, effects: Iterable[Effect]) -> tuple[Effect, ...]:
     return tuple(e for e in effects if _acts_on(e, model, inner))
 
 
-def _acts_on(effect: Effect, model: Model, dofs: NDArray[np.bool_]) -> bool:
+def _acts_on(effect: Effect, model: Model, dofs: Bools) -> bool:
     """Whether an effect has matrices or constraints on some of the DOFs, or none at all."""
     present = _present(effect)
     others = tuple(e for e in model.effects if e.name != effect.name)  # the model may have it already

@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.declarations import Role, Site
 from fem.effects.places import stiffness_of_sprung
 from fem.elements.frame import Frame
@@ -52,9 +52,9 @@ class LeverForces:
         Forces of the points there, global [N].
     """
 
-    points: NDArray[np.int64]
-    arms: NDArray[np.float64]
-    forces: NDArray[np.float64]
+    points: Ints
+    arms: Floats
+    forces: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -84,9 +84,7 @@ class Prestress(Effect):
     kind: ClassVar[str] = "prestress"
     role: ClassVar[Role] = Role.INITIAL_STRESS
     within_members: ClassVar[bool] = True
-    tension: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(
-        default_factory=lambda: _EMPTY
-    )
+    tension: Mapping[str, tuple[Floats, Floats]] = field(default_factory=lambda: _EMPTY)
     factor: Any = 1.0
     forces: Mapping[str, SectionForces] = field(default_factory=lambda: _EMPTY)
     levers: LeverForces | None = None
@@ -133,7 +131,7 @@ class Prestress(Effect):
         """Return the load factor."""
         return (Parameter("factor", "-", self.factor, 0.0, -1e3, 1e3, linear=True),)
 
-    def line_tension(self, model: Model, member: str) -> NDArray[np.float64]:
+    def line_tension(self, model: Model, member: str) -> Floats:
         """Return the mean axial force of each line of a member at a load factor of 1, (n_lines,) [N]."""
         (frame,), mesh = model.of_kind(Frame), model.mesh
         g, samples = _sampled(self, frame, mesh, [member])
@@ -176,7 +174,7 @@ class Prestress(Effect):
         refs = (ref for member in self._members() for ref in stiffness_of_sprung(model, member))
         return tuple(dict.fromkeys(refs))
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the middles of the members."""
         mesh = model.mesh
         return np.array([mesh.point_at(mesh.locate(m, mesh.member_length(m) / 2)) for m in self._members()])

@@ -7,9 +7,7 @@ proposed. They are here for models.
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fem.array_types import Floats
 from fem.declarations import Role, Site, StiffnessAt
 from fem.model import Contribution, Effect, Model, Parameter
 
@@ -26,7 +24,7 @@ class _Proportional(Effect):
         others = (e for e in model.effects if not (isinstance(e, _Proportional) or len(e.internal.ground)))
         return [c for e in others for c in e.contribute(model)]
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the middle of the mesh's first line."""
         return model.mesh.points[model.mesh.lines[0]].mean(axis=0)[None]
 

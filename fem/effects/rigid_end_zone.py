@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fem.array_types import Floats
 from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.joint import PointPair
 from fem.effects.places import (
@@ -121,7 +119,7 @@ class RigidEndZone(Effect):
             for name, group, most in zip(names, groups, longest, strict=True)
         )
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the ends."""
         points = [model.mesh.member_points(m)[0 if end == 1 else -1] for m, end in self.ends]
         return model.mesh.points[points]

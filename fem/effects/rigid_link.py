@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Role, Site
 from fem.effects.joint import relative_rows
 from fem.model import DIRECTIONS, Constraint, Effect, Model, ModelError, Parameter
@@ -61,7 +61,7 @@ class RigidLink(Effect):
                 out.append(Constraint(key, dofs[used], row[used], releasable=False, location=place))
         return tuple(out)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the points."""
         return model.mesh.points[[self.point, *self.dependents]]
 
@@ -114,6 +114,6 @@ class MultiPointConstraint(Effect):
         coefficients = np.array([c for _, _, c in self.terms], dtype=float)
         return (Constraint((self.name, "equation"), dofs, coefficients, releasable=False),)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the points."""
         return model.mesh.points[list(dict.fromkeys(p for p, _, _ in self.terms))]

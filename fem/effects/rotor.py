@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Entry, Environment, Role, Site, StiffnessAt
 from fem.effects.added_mass import AddedMass
 from fem.effects.joint import Joint
@@ -120,7 +120,7 @@ def _places(model: Model) -> Iterator[tuple[int, str, str]]:
             yield body.point, f"mass {body.name}", body.name
 
 
-def _axes(model: Model, point: int) -> NDArray[np.float64]:
+def _axes(model: Model, point: int) -> Floats:
     """Return the local axes, as rows, of a line at a point; global ones away from all lines."""
     at = np.flatnonzero((model.mesh.lines == point).any(axis=1))
     return frame_of(model).rotations(model.mesh, at[:1])[0] if at.size else np.eye(3)

@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Entry, Role, Site
 from fem.effects.places import frame_of, is_bar, sheared_frame
 from fem.effects.with_frame import WithFrame
@@ -114,7 +114,7 @@ class SectionForm(WithFrame):
             out[key] = tuple(Contribution(d, M=X) if key == "A" else Contribution(d, X) for d, X in some)
         return out
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the middles of the members, (n, 3) [m]."""
         mesh = model.mesh
         return np.array([mesh.point_at(mesh.locate(m, mesh.member_length(m) / 2)) for m in self.members])

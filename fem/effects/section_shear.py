@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Role, Site
 from fem.elements.frame import Frame
 from fem.model import Contribution, Effect, Model, Parameter, ParameterRef
@@ -132,7 +132,7 @@ class SectionShear(Effect):
         both, y, z = (1 / self.values.get(f"{k}:{first}", 1.0) for k in ("k", "ky", "kz"))
         return both * y, both * z
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the middles of the members."""
         mesh, members = model.mesh, [m for group in self.groups.values() for m in group]
         return np.array([mesh.point_at(mesh.locate(m, mesh.member_length(m) / 2)) for m in members])

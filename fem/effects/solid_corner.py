@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.places import elements_of, frame_of, is_bar, reaches, section_extent, sheared_frame
 from fem.elements.frame import Frame
@@ -27,7 +27,7 @@ class _Arm(NamedTuple):
     member: str
     start: float
     towards: int
-    axis: NDArray[np.float64]
+    axis: Floats
     line: int
 
 
@@ -145,7 +145,7 @@ class SolidCorner(Effect):
         zones = _apart(model, [z for corner in corners for z in corner])
         return (cls(name="solid_corner:all", zones=zones, n_corners=len(corners)),)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the corners."""
         places = {(z.member, z.start) for z in self.zones}
         points = [model.mesh.point_at(model.mesh.locate(m, s)) for m, s in sorted(places)]
@@ -212,7 +212,7 @@ def _zones(model: Model, arms: list[_Arm]) -> list[_Zone]:
     return out
 
 
-def _half_depth(model: Model, arm: _Arm, along: NDArray[np.float64]) -> float:
+def _half_depth(model: Model, arm: _Arm, along: Floats) -> float:
     """Return how far one goes from an arm's axis along another to its surface; 0 without an outline [m]."""
     frame = frame_of(model)
     if not frame.members[arm.member].section.outlines:

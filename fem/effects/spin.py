@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Environment, Role, Site
 from fem.effects.added_mass import AddedMass
 from fem.elements.frame import Frame
@@ -112,7 +112,7 @@ class Spin(Effect):
             out.append(Contribution(dofs_of([body.point])[:, 3:], C=(-momentum * skew(axis))[None]))
         return tuple(out)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the middles of the lines that spin."""
         mesh = model.mesh
         lines = np.concatenate([mesh.lines[mesh.members[m]] for m in spinning(model)])
@@ -149,14 +149,14 @@ def refusals(model: Model) -> Iterator[tuple[str, str]]:
             yield f"'{body.name}'", why
 
 
-def _axes(mesh: Mesh, member: str) -> NDArray[np.float64]:
+def _axes(mesh: Mesh, member: str) -> Floats:
     """Return the unit vectors along a member's lines, shape (n, 3)."""
     ends = mesh.points[mesh.lines[mesh.members[member]]]
     along = ends[:, 1] - ends[:, 0]
     return along / np.linalg.norm(along, axis=1)[:, None]
 
 
-def _of_member(p: MemberProperties, axes: NDArray[np.float64]) -> Iterator[str]:
+def _of_member(p: MemberProperties, axes: Floats) -> Iterator[str]:
     if p.theory != "timoshenko":
         yield (
             f"its theory is '{p.theory}', without rotary inertia, which is as large as the gyroscopic "
@@ -172,7 +172,7 @@ def _of_member(p: MemberProperties, axes: NDArray[np.float64]) -> Iterator[str]:
         yield "it is not straight, and has no one axis; divide it into straight members"
 
 
-def _of_body(body: AddedMass, axis: NDArray[np.float64], member: str) -> Iterator[str]:
+def _of_body(body: AddedMass, axis: Floats, member: str) -> Iterator[str]:
     rest = "or give spins = false to a body that the shaft does not turn"
     inertia = np.asarray(body.inertia)
     polar = float(axis @ inertia @ axis)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Internal, Marker, Role, Site, Yardstick
 from fem.effects.added_mass import too_heavy
 from fem.effects.joint import joint_unit
@@ -59,9 +59,9 @@ class SprungMass(Effect):
     k: Mapping[str, Any]
     c: Mapping[str, Any] = field(default_factory=dict)
     eta: Any = 0.0
-    inertia: NDArray[np.float64] = field(default_factory=lambda: np.zeros((3, 3)))
-    arm: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    axes: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+    arm: Floats = field(default_factory=lambda: np.zeros(3))
+    axes: Floats = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
         refuse_negative(self.name, mass=(self.mass, "kg"), eta=(self.eta, "-"))
@@ -139,7 +139,7 @@ class SprungMass(Effect):
         """Yield a mass that no member carries."""
         yield from too_heavy(self.name, self.mass, structure)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Its centre of mass."""
         return (model.mesh.points[self.point] + self.arm)[None]
 

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.declarations import Internal, Role, Site
 from fem.elements.part_faces import PartFaces
 from fem.elements.part_reduction import (
@@ -79,13 +80,13 @@ class Superelement(Effect):
     role: ClassVar[Role] = Role.STIFFNESS | Role.MASS | Role.DISSIPATION
     reduced_part: ClassVar[bool] = True
     points: tuple[int, ...]
-    K: NDArray[np.float64]
-    M: NDArray[np.float64]
-    C: NDArray[np.float64] | None = None
-    D: NDArray[np.float64] | None = None
-    recovery: NDArray[np.float64]
-    fixed_frequency: NDArray[np.float64]
-    left_out: NDArray[np.float64]
+    K: Floats
+    M: Floats
+    C: Floats | None = None
+    D: Floats | None = None
+    recovery: Floats
+    fixed_frequency: Floats
+    left_out: Floats
     limit: float
     part: Matrices
     order: int = 1
@@ -258,7 +259,7 @@ class Superelement(Effect):
         modes = {name: values.pop(name) for name in list(values) if name.startswith("mode")}
         return replace(self, deviations={**self.deviations, **modes}, **values)
 
-    def dofs(self, model: Model) -> NDArray[np.int64]:
+    def dofs(self, model: Model) -> Ints:
         """Return the DOF numbers of its coordinates, shape (m,)."""
         return np.concatenate([dofs_of(self.points).ravel(), model.internal_dofs(self.name)])
 
@@ -288,9 +289,7 @@ class Superelement(Effect):
         """Return the motion of the part's rows, shape (n, k), for motions of the model (n_dof, k)."""
         return self.recovery @ shapes[self.dofs(model)]
 
-    def frequency_error(
-        self, model: Model, frequency: NDArray[np.float64], shapes: NDArray[Any]
-    ) -> NDArray[Any]:
+    def frequency_error(self, model: Model, frequency: Floats, shapes: NDArray[Any]) -> NDArray[Any]:
         """Return the relative errors of natural frequencies that come of the modes left out, shape (k,).
 
         A fixed-interface mode that was left out, with λ_k = ω_k² and participation p, would lower λ = ω² of a
@@ -318,6 +317,6 @@ class Superelement(Effect):
         change = omega2**self.order * np.real(np.einsum("ik,ij,jk->k", u.conj(), self.left_out, u))
         return np.divide(change / 2, 1 - ratio, out=np.full_like(omega2, np.inf), where=ratio < 1)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the points."""
         return model.mesh.points[list(self.points)]

@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fem.array_types import Floats
 from fem.declarations import Entry, Marker, Role, Site, StiffnessAt
 from fem.effects.giving_way import cut_parameters, place_at
 from fem.effects.mounting import REACH, members_at, shifts
@@ -83,7 +81,7 @@ class SupportShift(Effect):
         """Return shifts either way, as far as the bounds allow."""
         return shifts(self.lower, self.upper)
 
-    def locations(self, model: Model) -> NDArray[np.float64]:
+    def locations(self, model: Model) -> Floats:
         """Return the support."""
         return model.effect(self.support).locations(model)
 

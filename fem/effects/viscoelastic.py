@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.declarations import Environment, Role, Site
 from fem.effects.joint import PointPair, joint_unit
 from fem.laws import FractionalKelvinVoigt, FractionalZener, TabulatedLaw, Zener, check_table
@@ -106,8 +107,8 @@ class TabulatedStiffness(PointPair):
 
     kind: ClassVar[str] = "tabulated_stiffness"
     role: ClassVar[Role] = Role.STIFFNESS | Role.DISSIPATION
-    frequency: NDArray[np.float64]
-    K: NDArray[np.complex128]
+    frequency: Floats
+    K: Complexes
     factor: Any = field(default=1.0)
 
     def __post_init__(self) -> None:

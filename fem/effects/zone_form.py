@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Entry, Role
 from fem.effects.joint import PointPair
 from fem.effects.on_stretches import OnStretches
@@ -182,14 +182,14 @@ def _zones(model: Model) -> Iterator[ZoneForm]:
             )
 
 
-def _normal(directions: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _normal(directions: Floats) -> Floats | None:
     """Return the normal of the plane that directions (n, 3) span; None if they span a line or space."""
     _, sizes, axes = np.linalg.svd(directions)
     across, out = (*sizes, 0.0, 0.0)[1:3]
     return axes[2] if across > _SPANS and out < _FLAT else None
 
 
-def _bending(axes: NDArray[np.float64], normal: NDArray[np.float64]) -> tuple[int, int]:
+def _bending(axes: Floats, normal: Floats) -> tuple[int, int]:
     """Return the local force and moment of a member's bending about the axis that is nearest to a normal."""
     return (2, 4) if abs(axes[1] @ normal) > abs(axes[2] @ normal) else (1, 5)
 

@@ -1,12 +1,13 @@
 """Local axes of members: x along the axis, z towards the orientation, y completing them."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Bools, Floats
 from fem.model import ModelError
 
 
-def local_axes(t: NDArray[np.float64], orientation: ArrayLike | None, member: str) -> NDArray[np.float64]:
+def local_axes(t: Floats, orientation: ArrayLike | None, member: str) -> Floats:
     """Return local axes as rows for line directions ``t`` (b, 3), shape (b, 3, 3).
 
     Raises
@@ -20,18 +21,18 @@ def local_axes(t: NDArray[np.float64], orientation: ArrayLike | None, member: st
     return axes_of(t, np.broadcast_to(up, t.shape))
 
 
-def is_parallel(t: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.bool_]:
+def is_parallel(t: Floats, up: Floats) -> Bools:
     """Return which directions t (…, 3) are parallel to orientations (…, 3); nan, the default, is not."""
     sizes = np.linalg.norm(t, axis=-1) * np.linalg.norm(up, axis=-1)
     return np.linalg.norm(np.cross(t, up), axis=-1) < 1e-6 * sizes
 
 
-def parallel_message(member: str, orientation: NDArray[np.float64]) -> str:
+def parallel_message(member: str, orientation: Floats) -> str:
     """Return the message on an orientation along a member."""
     return f"member '{member}': its orientation {orientation.tolist()} is parallel to its axis"
 
 
-def axes_of(t: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
+def axes_of(t: Floats, up: Floats) -> Floats:
     """Return local axes as rows, (b, 3, 3), for directions t and orientations (b, 3), nan for the default."""
     x = t / np.linalg.norm(t, axis=1, keepdims=True)
     # within 1° of vertical, global Z gives no plane: X does
@@ -42,7 +43,7 @@ def axes_of(t: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
-def turned(R: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def turned(R: Floats, angle: Floats) -> Floats:
     """Return local axes (b, 3, 3) turned about x by angles (b,) [rad], to the sections' principal axes."""
     if not angle.any():
         return R

@@ -5,8 +5,8 @@ matrices directly, without the product Tᵀ K T.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.elements.lines import Lines, inertias
 from fem.model import Array
 
@@ -82,7 +82,7 @@ def higher_order_mass(g: Lines) -> tuple[Array, ...]:
     return tt, -tt, tr, tr, rr, -rr
 
 
-def global_blocks(R: NDArray[np.float64], *factors: Array) -> Array:
+def global_blocks(R: Floats, *factors: Array) -> Array:
     """Return the global matrices (b, 12, 12) of elements that run straight between their points.
 
     Parameters

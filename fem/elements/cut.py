@@ -1,6 +1,7 @@
 """A cut: a place of a member that gives way in one direction, as a crack or a joint within it does."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,124 @@ RIGID = 1e-9
 """Relative force up to which an element resists no rigid-body motion: rounding [-]."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """One element of a member that gives way at a place, all in local axes; see :func:`cut`.
+
+    Attributes
+    ----------
+    g : Lines
+        The element's line.
+    x : number
+        Place of the cut, as a fraction of the flexible part.
+    m, rigid, turned : ndarray (12,)
+        Motions by a unit slip: of the second end, of the part beyond as one body, and the first without the
+        turn of the element where the cut is at its first end.
+    mass, beyond : ndarray (12, 12)
+        Mass of the element, and of what is beyond the cut; None where all mass is lumped.
+    slip : number
+        a = c / (1 + c mᵀ K m).
+    q : ndarray (12,)
+        Force at the cut by the motion of the nodes, K m.
+    excess : ndarray (12, 12) or None
+        Damping that other effects add beyond that of their stiffness.
+    """
+
+    g: Lines
+    x: Any
+    m: Array
+    rigid: Array
+    turned: Array
+    mass: Array | None
+    beyond: Array | None
+    slip: Any
+    q: Array
+    excess: Array | None
+
+    @property
+    def at_end(self) -> bool:
+        """Whether it is at an end of the element's flexible part."""
+        return bool(self.x in (0.0, 1.0))
+
+    @property
+    def contribution(self) -> Contribution:
+        """The change of K, M and D."""
+        g, slip, q = self.g, self.slip, self.q
+        K = to_global((-slip * np.outer(q, q))[None], g.T_nodes)
+        M = None
+        if self.mass is not None and self.beyond is not None:
+            b, beta = self._inertia(self.mass, self.beyond)
+            bent = slip * np.outer(b, q)
+            M = to_global((bent + bent.T + slip**2 * beta * np.outer(q, q))[None], g.T_nodes)
+        D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
+        if self.excess is not None:
+            change = to_global((self._moved.T @ self.excess @ self._moved - self.excess)[None], g.T_nodes)
+            D = change if D is None else D + change
+        return Contribution(g.dofs, K, M, D=D)
+
+    def steps(
+        self, mesh: Mesh, changes: Sequence[tuple[Frame | None, Sequence[Contribution]]]
+    ) -> tuple[Contribution, ...]:
+        """Return complex steps of the change by those of the element, where the cut stays as it is.
+
+        With A = 1 - a m qᵀ, and dK, dM and dD of the element and of what else changes it,
+
+            dΔK = Aᵀ dK A - dK,   d(a q) = a Aᵀ dK m,
+
+        and ΔM follows by the product rule: one congruence for each parameter in place of another cut.
+
+        Parameters
+        ----------
+        mesh : Mesh
+        changes : sequence of (Frame or None, sequence of Contribution)
+            For each step the frame if it has one, and the contributions of other effects that have one.
+        """
+        g, A, v = self.g, self._moved, self.slip * self.q
+        dK, dM, dB, dE = np.zeros((4, len(changes), 12, 12))
+        for k, (frame, others) in enumerate(changes):
+            for total, X in zip((dK, dM, dE), _changes(g, others, self.at_end), strict=True):
+                if X is not None:
+                    total[k] += np.imag(X)
+            if frame is None:
+                continue
+            g_step, K_step, M_step = _kept_line(frame, mesh, int(g.rows[0]))
+            dK[k] += np.imag(K_step)
+            dM[k] += np.imag(M_step)
+            if self.beyond is not None and not self.at_end:
+                dB[k] = np.imag(mass_from_nodes(g_step, local_mass(g_step, self.x))[0])
+        if self.at_end:
+            dB = dM * (1.0 - self.x)
+        K = A.T @ dK @ A - dK
+        M = None
+        dv = self.slip * (dK @ self.turned) @ A
+        if self.mass is not None and self.beyond is not None:
+            (b, beta), (db, dbeta) = self._inertia(self.mass, self.beyond), self._inertia(dM, dB)
+            half = db[:, :, None] * v + b[:, None] * dv[:, None] + beta * v[:, None] * dv[:, None]
+            M = half + np.swapaxes(half, 1, 2) + dbeta[:, None, None] * np.outer(v, v)
+        D = None if not np.any(g.eta != 0) else g.eta[0] * K
+        if self.excess is not None or dE.any():
+            change = A.T @ dE @ A - dE
+            if self.excess is not None:
+                turned = np.swapaxes(-self.turned[:, None] * dv[:, None], 1, 2) @ self.excess @ A
+                change = change + turned + np.swapaxes(turned, 1, 2)
+            D = change if D is None else D + change
+        K, M, D = (None if X is None else 1j * to_global(X, g.T_nodes)[:, None] for X in (K, M, D))
+        each = zip(*([None] * len(changes) if X is None else X for X in (K, M, D)), strict=True)
+        return tuple(Contribution(g.dofs, k, m, D=d) for k, m, d in each)
+
+    @property
+    def _moved(self) -> Array:
+        """A = 1 - a m qᵀ."""
+        out: Array = np.eye(12) - self.slip * np.outer(self.turned, self.q)
+        return out
+
+    def _inertia(self, mass: Array, beyond: Array) -> tuple[Array, Any]:
+        """Return b (..., 12) and β (...) by the mass of the element and of the part beyond, (..., 12, 12)."""
+        m, rigid = self.m, self.rigid
+        b = beyond @ rigid - mass @ m
+        return b, (beyond @ rigid) @ rigid - 2 * ((beyond @ rigid) @ m) + (mass @ m) @ m
+
+
 def cut(
     frame: Frame,
     model: Model,
@@ -27,8 +146,8 @@ def cut(
     direction: str,
     compliance: Any,
     others: Sequence[Contribution] = (),
-) -> Contribution:
-    """Return the change of K, M and D where a member gives way at a place, in one direction.
+) -> Cut:
+    """Return an element of a member that gives way at a place, in one direction.
 
     The two sides of the cut slip by the compliance c times the force that is passed. With m the motion
     of the element's second end that a unit slip lets it have, and K of the element between its points,
@@ -64,7 +183,7 @@ def cut(
     mesh = model.mesh
     at = mesh.locate(member, float(np.real(position)))
     # the cuts of one line are asked for together, in all directions
-    g, K0, M0 = frame.kept.get(("uncut", mesh, at.line), lambda: _uncut_line(frame, mesh, at.line))
+    g, K0, M0 = _kept_line(frame, mesh, at.line)
     xi = at.xi + (1j * np.imag(position) / mesh.lengths()[at.line] if np.iscomplexobj(position) else 0.0)
     x = flexible_fraction(g, np.atleast_1d(xi))[0]
     m, rigid = slipped(g, x, direction)
@@ -78,22 +197,11 @@ def cut(
         more = stiff @ turned
         q, opposed = q + more, opposed + turned @ more
     slip = compliance / (1 + compliance * opposed)
-    K = to_global((-slip * np.outer(q, q))[None], g.T_nodes)
-    M = None
+    mass = beyond = None
     if not g.lumped[0]:
-        if at_end and added is not None:
-            M0 = M0 + added
-        beyond = M0 * (1.0 - x) if at_end else mass_from_nodes(g, local_mass(g, x))[0]
-        b = beyond @ rigid - M0 @ m
-        beta = rigid @ beyond @ rigid - 2 * (m @ beyond @ rigid) + m @ M0 @ m
-        bent = slip * np.outer(b, q)
-        M = to_global((bent + bent.T + slip**2 * beta * np.outer(q, q))[None], g.T_nodes)
-    D = g.eta[:, None, None] * K if np.any(g.eta != 0) else None
-    if excess is not None:
-        moved = np.eye(12) - slip * np.outer(turned, q)
-        change = to_global((moved.T @ excess @ moved - excess)[None], g.T_nodes)
-        D = change if D is None else D + change
-    return Contribution(g.dofs, K, M, D=D)
+        mass = M0 if added is None else M0 + added
+        beyond = mass * (1.0 - x) if at_end else mass_from_nodes(g, local_mass(g, x))[0]
+    return Cut(g, x, m, rigid, turned, mass, beyond, slip, q, excess)
 
 
 def slipped(g: Lines, x: Any, direction: str) -> tuple[Array, Array]:
@@ -133,7 +241,7 @@ def slips(
     Q : ndarray (12, n)
         Global.
     """
-    g, K, _ = frame.kept.get(("uncut", mesh, line), lambda: _uncut_line(frame, mesh, line))
+    g, K, _ = _kept_line(frame, mesh, line)
     places = [mesh.locate(member, float(np.real(at))).xi for member, at, *_ in cuts]
     steps = [1j * np.imag(at) / mesh.lengths()[line] if np.iscomplexobj(at) else 0.0 for _, at, *_ in cuts]
     x = np.array([flexible_fraction(g, np.atleast_1d(a + b))[0] for a, b in zip(places, steps, strict=True)])
@@ -172,6 +280,13 @@ def _resists_rigid_motion(X: Array, length: float) -> bool:
     """Whether a local matrix (12, 12) of an element resists its motion as a rigid body."""
     moved = np.vstack([np.eye(6), lever_matrix([length, 0.0, 0.0])])
     return bool((np.abs(X @ moved) > RIGID * (np.abs(X) @ np.abs(moved)).max()).any())
+
+
+def _kept_line(frame: Frame, mesh: Mesh, line: int) -> tuple[Lines, Array, Array]:
+    """Return the same as :func:`_uncut_line`, computed once for a frame."""
+    out: tuple[Lines, Array, Array]
+    out = frame.kept.get(("uncut", mesh, line), lambda: _uncut_line(frame, mesh, line))
+    return out
 
 
 def _uncut_line(frame: Frame, mesh: Mesh, line: int) -> tuple[Lines, Array, Array]:

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from fem.array_types import Bools, Floats, Ints
 from fem.declarations import Role, Site
 from fem.elements.by_member import ByMember
 from fem.elements.closed_form import closed_mass, closed_stiffness, global_blocks
@@ -153,7 +154,7 @@ class Frame(Effect):
         new = {p: replace(p, mass="higher-order") if p.mass == "consistent" else p for p in self._different()}
         return replace(self, members={name: new[p] for name, p in self.members.items()})
 
-    def rotations(self, mesh: Mesh, lines: ArrayLike | None = None) -> NDArray[np.float64]:
+    def rotations(self, mesh: Mesh, lines: ArrayLike | None = None) -> Floats:
         """Return the local axes of some or all lines of the mesh as rows, shape (n_lines, 3, 3)."""
         rows = np.arange(mesh.n_lines) if lines is None else np.asarray(lines, dtype=np.int64)
         if not rows.size:
@@ -217,7 +218,7 @@ class Frame(Effect):
         rows = np.flatnonzero(differs[layout.kind])
         return FrameChange({}, (), replace(self, values=rest)._batches_of(mesh, rows))
 
-    def _batches_of(self, mesh: Mesh, rows: NDArray[np.int64]) -> Iterator[Contribution]:
+    def _batches_of(self, mesh: Mesh, rows: Ints) -> Iterator[Contribution]:
         for i in range(0, len(rows), BATCH):
             yield self._elements(mesh, rows[i : i + BATCH])
         yield from self._rigid_zone_masses(mesh, rows)
@@ -242,9 +243,7 @@ class Frame(Effect):
         )
         return (joined, *self._rigid_zone_masses(model.mesh, rows, change))
 
-    def _elements(
-        self, mesh: Mesh, rows: NDArray[np.int64], change: SectionChange = NO_CHANGE
-    ) -> Contribution:
+    def _elements(self, mesh: Mesh, rows: Ints, change: SectionChange = NO_CHANGE) -> Contribution:
         """Return the elements of lines: plain ones in closed form, others by quadrature."""
         plain = layout_of(self.members, mesh).plain[rows]
         if plain.any() and not plain.all():
@@ -268,7 +267,7 @@ class Frame(Effect):
             yield Contribution(g.dofs, g.tension[:, None, None] * unit_tension_stiffness(g), lines=g.rows)
 
     def _rigid_zone_masses(
-        self, mesh: Mesh, rows: NDArray[np.int64], change: SectionChange = NO_CHANGE
+        self, mesh: Mesh, rows: Ints, change: SectionChange = NO_CHANGE
     ) -> tuple[Contribution, ...]:
         layout = layout_of(self.members, mesh)
         if not layout.zone.any():
@@ -282,7 +281,7 @@ class Frame(Effect):
             return ()
         return (Contribution(np.concatenate(dofs), M=np.concatenate(masses)),)
 
-    def interpolate(self, mesh: Mesh, locations: list[Location]) -> tuple[NDArray[np.int64], Array]:
+    def interpolate(self, mesh: Mesh, locations: list[Location]) -> tuple[Ints, Array]:
         """Return the displacements and rotations at places along lines as functions of the DOFs.
 
         At the very ends of a member, beyond a release, and in its rigid zones they are the node's.
@@ -298,7 +297,7 @@ class Frame(Effect):
 
     def motions_at(
         self, mesh: Mesh, lines: ArrayLike, xi: Array, slipped: bool = False
-    ) -> tuple[NDArray[np.int64], Array]:
+    ) -> tuple[Ints, Array]:
         """Return the same as :meth:`interpolate` at fractions (n,) of lines (n,).
 
         If ``slipped``, the ends of members move as the members do, behind their releases and springs.
@@ -306,9 +305,7 @@ class Frame(Effect):
         g = self.lines(mesh, lines)
         return g.dofs, motion_matrix(g, mesh, xi, slipped)
 
-    def axis_displacements(
-        self, mesh: Mesh, lines: NDArray[np.int64], xi: NDArray[np.float64], u: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def axis_displacements(self, mesh: Mesh, lines: Ints, xi: Floats, u: Floats) -> Floats:
         """Return the displacements of places on the lines' axes, global, shape (n, 3, n_cases) [m].
 
         Parameters
@@ -329,7 +326,7 @@ class Frame(Effect):
         step = 1j * 1e-200 / mesh.lengths()[g.rows]
         return np.imag(motion_matrix(g, mesh, np.array([at.xi for at in locations]) + step)) / 1e-200
 
-    def shapes_at(self, mesh: Mesh, member: str, position: Any) -> tuple[NDArray[np.int64], Array]:
+    def shapes_at(self, mesh: Mesh, member: str, position: Any) -> tuple[Ints, Array]:
         """Return :meth:`interpolate`'s DOFs (12,) and N (6, 12) at an arc length of a member [m].
 
         It may carry a complex step.
@@ -349,7 +346,7 @@ class Frame(Effect):
         by_key = {"A": g.E, "kAy": G, "kAz": G, "J": G, "Iy": g.E, "Iz": g.E}
         return np.stack([modulus * at[key] for key, modulus in by_key.items()], axis=-1)
 
-    def forces_of_strains(self, mesh: Mesh, lines: ArrayLike, strain: NDArray[np.float64]) -> Array:
+    def forces_of_strains(self, mesh: Mesh, lines: ArrayLike, strain: Floats) -> Array:
         """Return the nodal forces that do the work of lines' initial strains, global, (n, 12, n_cases).
 
         f = ∫ Bᵀ D ε₀ dx = K u₀ with the motion u₀ of a free line under the strain.
@@ -386,9 +383,7 @@ class Frame(Effect):
         return Contribution(unit.dofs, tension * unit.K)
 
 
-def _merged(
-    mesh: Mesh, rows: NDArray[np.int64], parts: list[tuple[NDArray[np.bool_], Contribution]]
-) -> Contribution:
+def _merged(mesh: Mesh, rows: Ints, parts: list[tuple[Bools, Contribution]]) -> Contribution:
     """Return the elements of lines from those of parts of the lines, which masks select."""
     merged: dict[str, Array | None] = {"D": None}
     for key in "KMD" if any(c.D is not None for _, c in parts) else "KM":
@@ -442,7 +437,7 @@ def _unit_tension(frame: Frame, mesh: Mesh, member: str) -> Contribution:
     return Contribution(g.dofs, unit_tension_stiffness(g))
 
 
-def _shapes(frame: Frame, mesh: Mesh, member: str, position: float) -> tuple[NDArray[np.int64], Array]:
+def _shapes(frame: Frame, mesh: Mesh, member: str, position: float) -> tuple[Ints, Array]:
     (dofs,), (N,) = frame.interpolate(mesh, [mesh.locate(member, position)])
     dofs.flags.writeable = N.flags.writeable = False
     return dofs, N

@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.elements.interpolation import XY_DOFS, XZ_DOFS, XZ_SIGNS, prismatic_bending
 from fem.elements.levers import lever_stiffness
 from fem.elements.lines import Lines, flexible_fraction, some_lines
@@ -46,12 +46,12 @@ class SectionForces:
         N, Vy, Vz, T, My and Mz at the fractions `FORCE_NODES` of each stretch [N, N·m].
     """
 
-    start: NDArray[np.float64]
-    stop: NDArray[np.float64]
-    values: NDArray[np.float64]
+    start: Floats
+    stop: Floats
+    values: Floats
 
     @classmethod
-    def axial(cls, s: NDArray[np.float64], N: NDArray[np.float64]) -> "SectionForces":
+    def axial(cls, s: Floats, N: Floats) -> "SectionForces":
         """Return axial forces that are linear between places; one that is given twice is a jump."""
         s, N = np.asarray(s, dtype=float), np.asarray(N, dtype=float)
         if s.size == 1:
@@ -74,10 +74,10 @@ class Courses:
         As of `SectionForces`.
     """
 
-    member: NDArray[np.int64]
-    start: NDArray[np.float64]
-    stop: NDArray[np.float64]
-    values: NDArray[np.float64]
+    member: Ints
+    start: Floats
+    stop: Floats
+    values: Floats
 
     @classmethod
     def of(cls, forces: Mapping[int, SectionForces]) -> "Courses":
@@ -89,9 +89,7 @@ class Courses:
         )
         return cls(member, start, stop, values)
 
-    def at(
-        self, member: NDArray[np.int64], places: NDArray[np.float64], inside: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def at(self, member: Ints, places: Floats, inside: Floats) -> Floats:
         """Return the forces at places of the stretches that other places lie in, shape (n, 6).
 
         Beyond the first and last stretch of a member they are those at its end.
@@ -104,12 +102,7 @@ class Courses:
         return (_lagrange(t)[:, None] @ self.values[k])[:, 0]
 
 
-def _last_before(
-    member: NDArray[np.int64],
-    starts: NDArray[np.float64],
-    at_member: NDArray[np.int64],
-    at: NDArray[np.float64],
-) -> NDArray[np.int64]:
+def _last_before(member: Ints, starts: Floats, at_member: Ints, at: Floats) -> Ints:
     """Return the index of the last start at or before each place; those of each member rise."""
     is_place = np.repeat([False, True], [starts.size, at.size])
     order = np.lexsort((is_place, np.concatenate([starts, at]), np.concatenate([member, at_member])))
@@ -118,7 +111,7 @@ def _last_before(
     return out[starts.size :]
 
 
-def _lagrange(t: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lagrange(t: Floats) -> Floats:
     """Return the cubics that are 1 at one of `FORCE_NODES` and 0 at the others, shape (n, 4)."""
     return np.prod((t[:, None, None] - _OTHERS) / (FORCE_NODES[:, None] - _OTHERS), axis=2)
 
@@ -141,11 +134,11 @@ class ForceSamples:
         The forces at both ends of the b lines.
     """
 
-    line: NDArray[np.int64]
-    xi: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    forces: NDArray[np.float64]
-    ends: NDArray[np.float64]
+    line: Ints
+    xi: Floats
+    weight: Floats
+    forces: Floats
+    ends: Floats
 
     @classmethod
     def joined(cls, parts: Sequence["ForceSamples"]) -> "ForceSamples":
@@ -156,7 +149,7 @@ class ForceSamples:
         return cls(line, xi, weight, forces, np.sum([p.ends for p in parts], axis=0))
 
 
-def sample(g: Lines, s: NDArray[np.float64], member: NDArray[np.int64], courses: Courses) -> ForceSamples:
+def sample(g: Lines, s: Floats, member: Ints, courses: Courses) -> ForceSamples:
     """Return the section forces of lines at points of quadrature; members without a course have none.
 
     Parameters
@@ -240,7 +233,7 @@ def stress_stiffness(g: Lines, samples: ForceSamples) -> Array:
     return out
 
 
-def _sum(B: Array, S: NDArray[np.float64], line: NDArray[np.int64], n: int) -> Array:
+def _sum(B: Array, S: Floats, line: Ints, n: int) -> Array:
     """Return the sums of Bᵀ S B over the samples on each of n lines, shape (n, 12, 12)."""
     if (np.diff(line) < 0).any():
         order = np.argsort(line, kind="stable")
@@ -257,7 +250,7 @@ def _sum(B: Array, S: NDArray[np.float64], line: NDArray[np.int64], n: int) -> A
     return out
 
 
-def _work(forces: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.float64]:
+def _work(forces: Floats, radius: Floats) -> Floats:
     """Return S (m, 9, 9) with the work of the section forces xᵀSx/2 on x = (u' v' w' a b c a' b' c').
 
     ``radius`` is the square of the polar radius of gyration (m,).
@@ -303,7 +296,7 @@ def _gradients(g: Lines, xi: Array) -> Array:
     return B
 
 
-def _rigid_gradients(first: NDArray[np.int64]) -> NDArray[np.float64]:
+def _rigid_gradients(first: Ints) -> Floats:
     """Return the same where a body turns with the end whose DOFs begin at ``first`` (m,)."""
     B, n = np.zeros((len(first), 9, 12)), np.arange(len(first))
     for row, d, sign in ((1, 5, 1.0), (2, 4, -1.0), (3, 3, 1.0), (4, 4, 1.0), (5, 5, 1.0)):

@@ -10,8 +10,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Ints
 from fem.elements.connections import with_rigid_ends
 from fem.elements.cut import Slip, slips
 from fem.elements.frame import Frame
@@ -51,7 +51,7 @@ class InnerPlace:
         ∫ Wᵀ μ W dx.
     """
 
-    dofs: NDArray[np.int64]
+    dofs: Ints
     N: Array
     F: Array
     end: Array
@@ -67,9 +67,7 @@ class InnerPlace:
         M[:, : len(across)] -= across.T
         return M
 
-    def connect(
-        self, lever: Array, dofs: NDArray[np.int64], rows: Array, K: Array, C: Array, D: Array
-    ) -> Contribution:
+    def connect(self, lever: Array, dofs: Ints, rows: Array, K: Array, C: Array, D: Array) -> Contribution:
         """Return a connection that acts at the place.
 
         Parameters

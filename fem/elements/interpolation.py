@@ -7,8 +7,8 @@ They solve the static Timoshenko equations exactly (Friedman & Kosmatka, Compute
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.elements import tapered
 from fem.elements.lines import COLUMNS, Lines, cross_matrices, flexible_fraction, some_lines
 from fem.mesh import Mesh
@@ -154,9 +154,7 @@ def motion_matrix(g: Lines, mesh: Mesh, xi: Array, slipped: bool = False) -> Arr
     return carried(g, mesh, xi) @ shape_matrix(g, x) @ T
 
 
-def axis_displacements(
-    g: Lines, each: NDArray[np.int64], xi: NDArray[np.float64], u: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def axis_displacements(g: Lines, each: Ints, xi: Floats, u: Floats) -> Floats:
     """Return the displacements of places on the axes of lines, global, shape (n, 3, n_cases) [m].
 
     The same as by :func:`motion_matrix`, without a matrix for each place.
@@ -180,7 +178,7 @@ def axis_displacements(
         ends = np.where(at_node[:, None, None], np.real(g.T_nodes @ u[g.dofs])[each], ends)
     motion = np.real(shape_matrix(parts, x)) @ ends
     to_global = np.swapaxes(parts.R, 1, 2)
-    out: NDArray[np.float64] = to_global @ motion[:, :3]
+    out: Floats = to_global @ motion[:, :3]
     if g.zone.any():  # places in rigid zones are beyond the ends of the flexible part
         beyond = xi * parts.span - parts.zone[:, 0] - x * parts.L
         out += np.cross(to_global @ motion[:, 3:], (beyond[:, None] * parts.R[:, 0])[:, :, None], axis=1)

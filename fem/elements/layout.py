@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats, Ints
 from fem.elements import tapered
 from fem.elements.axes import axes_of, is_parallel, parallel_message, turned
 from fem.elements.by_member import ByMember
@@ -25,7 +25,7 @@ EQUAL = 1e-10
 """Relative difference of lengths and axes up to which elements count as equal: coordinates are rounded."""
 CONSTANTS = ("A", "Iy", "Iz", "Ip", "J", "ky", "kz")
 """Constants of a section that elements use."""
-AxesAndArms = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+AxesAndArms = tuple[Floats, Floats, Floats, Floats]
 """Local axes (b, 3, 3), arms (b, 2, 3), lengths of the axes and of the flexible parts (b,) [m]."""
 
 
@@ -33,17 +33,17 @@ AxesAndArms = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64
 class Layout:
     """Properties of every line of a mesh: its row in a table of kinds, and where its axis begins and ends."""
 
-    kind: NDArray[np.int64]  # (n_lines,) row of the table
-    table: dict[str, NDArray[np.float64]]  # (n_kinds, ...)
+    kind: Ints  # (n_lines,) row of the table
+    table: dict[str, Floats]  # (n_kinds, ...)
     materials: tuple[Material, ...]  # of each kind
-    offset: NDArray[np.float64]  # (n_lines, 2, 3): from the nodes to the ends of the axis
-    zone: NDArray[np.float64]  # (n_lines, 2): lengths of the rigid zones
-    soft: NDArray[np.int64]  # (n_lines,): row of ends, -1 for rigid end connections
-    ends: NDArray[np.float64]  # (n_soft, 12): stiffness of the connections
-    plain: NDArray[np.bool_]  # (n_lines,): prismatic, point to point, no rigid zones, rigid connections
-    taper: NDArray[np.int64]  # (n_lines,): row of knots, -1 for prismatic lines
-    knots: NDArray[np.float64]  # (n_tapers, N_KNOTS, 7): constants along members
-    along: NDArray[np.float64]  # (n_lines, 2): fractions of the member where lines with a taper begin and end
+    offset: Floats  # (n_lines, 2, 3): from the nodes to the ends of the axis
+    zone: Floats  # (n_lines, 2): lengths of the rigid zones
+    soft: Ints  # (n_lines,): row of ends, -1 for rigid end connections
+    ends: Floats  # (n_soft, 12): stiffness of the connections
+    plain: Bools  # (n_lines,): prismatic, point to point, no rigid zones, rigid connections
+    taper: Ints  # (n_lines,): row of knots, -1 for prismatic lines
+    knots: Floats  # (n_tapers, N_KNOTS, 7): constants along members
+    along: Floats  # (n_lines, 2): fractions of the member where lines with a taper begin and end
     axes: AxesAndArms | None = None  # of all lines; None for meshes with more than `MANY_LINES`
 
 
@@ -99,7 +99,7 @@ def _layout(members: Mapping[str, MemberProperties], mesh: Mesh) -> Layout:
     return replace(layout, axes=_axes_and_arms_of(layout, mesh, np.arange(mesh.n_lines)))
 
 
-def _table(kinds: list[tuple[MemberProperties, Section]]) -> dict[str, NDArray[np.float64]]:
+def _table(kinds: list[tuple[MemberProperties, Section]]) -> dict[str, Floats]:
     """Return the properties of each kind in columns."""
     table = {
         **{key: np.array([getattr(s, key) for _, s in kinds]) for key in (*CONSTANTS, "angle")},
@@ -123,8 +123,8 @@ def _table(kinds: list[tuple[MemberProperties, Section]]) -> dict[str, NDArray[n
 
 
 def _kinds(
-    different: list[MemberProperties], row: NDArray[np.int64], along: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], list[tuple[MemberProperties, Section]]]:
+    different: list[MemberProperties], row: Ints, along: Floats
+) -> tuple[Ints, list[tuple[MemberProperties, Section]]]:
     """Return the row of each line in a list of properties with sections, and the list."""
     kinds = [(p, p.section) for p in different]
     kind = row.copy()
@@ -139,9 +139,7 @@ def _kinds(
     return kind, kinds
 
 
-def _tapers(
-    different: list[MemberProperties], row: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _tapers(different: list[MemberProperties], row: Ints) -> tuple[Ints, Floats]:
     """Return the row of each line in a table of tapers, -1 for none, and constants at the tapers' knots."""
     taper, knots = np.full(len(row), -1), []
     for i, p in enumerate(different):
@@ -152,9 +150,7 @@ def _tapers(
     return taper, np.array(knots).reshape(-1, tapered.N_KNOTS, len(CONSTANTS))
 
 
-def _end_lines(
-    different: list[MemberProperties], owner: NDArray[np.int64], mesh: Mesh
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+def _end_lines(different: list[MemberProperties], owner: Ints, mesh: Mesh) -> tuple[Floats, Ints, Floats]:
     """Return the rigid zones (n_lines, 2), and rows and stiffness of the connections of members' ends."""
     n = mesh.n_lines
     chains, member = mesh.chains()
@@ -241,13 +237,13 @@ def _member(mesh: Mesh, line: int) -> str:
     return str(mesh.member_of_line()[int(line)])
 
 
-def axis_vectors(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+def axis_vectors(layout: Layout, mesh: Mesh, rows: Ints) -> Floats:
     """Return the vectors along the axes of lines, shape (b, 3) [m]; offsets that change turn them."""
     line = mesh.lines[rows]
     return mesh.points[line[:, 1]] - mesh.points[line[:, 0]] + layout.offset[rows, 1] - layout.offset[rows, 0]
 
 
-def axes_and_arms(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> AxesAndArms:
+def axes_and_arms(layout: Layout, mesh: Mesh, rows: Ints) -> AxesAndArms:
     """Return local axes, arms to the flexible part's ends, length of the axis and of the flexible part."""
     if layout.axes is None:
         return _axes_and_arms_of(layout, mesh, rows)
@@ -255,7 +251,7 @@ def axes_and_arms(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> AxesAn
     return axes[rows], arms[rows], span[rows], L[rows]
 
 
-def _axes_and_arms_of(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> AxesAndArms:
+def _axes_and_arms_of(layout: Layout, mesh: Mesh, rows: Ints) -> AxesAndArms:
     t = axis_vectors(layout, mesh, rows)
     kind = layout.kind[rows]
     R = turned(axes_of(t, layout.table["up"][kind]), layout.table["angle"][kind])
@@ -265,7 +261,7 @@ def _axes_and_arms_of(layout: Layout, mesh: Mesh, rows: NDArray[np.int64]) -> Ax
     return R, end, span, span - zone.sum(axis=1)
 
 
-def constants_at(layout: Layout, rows: NDArray[np.int64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+def constants_at(layout: Layout, rows: Ints, x: Floats) -> Floats:
     """Return the constants of tapered lines at fractions x (b, q) of them, shape (b, q, 7)."""
     first, last = layout.along[rows].T[:, :, None]
     return tapered.between_knots(first + x * (last - first)) @ layout.knots[layout.taper[rows]]

@@ -5,8 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats
 
-def lever_stiffness(arm: NDArray[np.float64], force: NDArray[Any]) -> NDArray[Any]:
+
+def lever_stiffness(arm: Floats, force: NDArray[Any]) -> NDArray[Any]:
     """Return the resistance of forces at the ends of rigid arms to rotations of the points that hold them.
 
     An arm d takes its end by θ × (θ × d)/2 back, to the second order; a force F of fixed direction that the

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats, Ints
 from fem.elements import tapered
 from fem.elements.by_member import ByMember
 from fem.elements.layout import CONSTANTS, Layout, axes_and_arms, constants_at
@@ -25,36 +25,36 @@ COLUMNS = {key: i for i, key in enumerate(("A", "Iy", "Iz", "Ip", "J", "sy", "sz
 class Lines:
     """Geometry and properties of some lines, in arrays with one row per line."""
 
-    rows: NDArray[np.int64]
-    dofs: NDArray[np.int64]  # (b, 12)
+    rows: Ints
+    dofs: Ints  # (b, 12)
     T: Array  # (b, 12, 12): local displacements of the flexible part's ends from global DOFs
-    soft: NDArray[np.int64]  # lines with elastic or released end connections: their ends slip
+    soft: Ints  # lines with elastic or released end connections: their ends slip
     slip: Array  # (n_soft, 12, 12): slips of the ends, local, from global DOFs; already taken from T
-    ends: NDArray[np.float64]  # (n_soft, 12): stiffness of the connections, 0 where rigid
-    fixed: NDArray[np.bool_]  # (n_soft, 12): rigid directions
-    R: NDArray[np.float64]  # (b, 3, 3)
-    end: NDArray[np.float64]  # (b, 2, 3): from the nodes to the ends of the flexible part
-    zone: NDArray[np.float64]  # (b, 2): lengths of the rigid zones
-    span: NDArray[np.float64]  # length of the axis between the nodes' offsets
-    L: NDArray[np.float64]  # flexible length
-    A: NDArray[np.float64]
-    Iy: NDArray[np.float64]
-    Iz: NDArray[np.float64]
-    Ip: NDArray[np.float64]
-    J: NDArray[np.float64]
-    ky: NDArray[np.float64]
-    kz: NDArray[np.float64]
-    nu: NDArray[np.float64]
-    eta: NDArray[np.float64]
-    rotary: NDArray[np.float64]  # 1 with rotary inertia of bending
-    bar: NDArray[np.float64]  # 1 for bars
-    higher: NDArray[np.float64]  # 1 for mass of higher order
-    lumped: NDArray[np.float64]  # 1 for lumped mass
-    turning: NDArray[np.float64]  # 0 for mass without rotary inertia of bending
-    tension: NDArray[np.float64]
-    phi_y: NDArray[np.float64]  # shear parameter for bending in x-y
-    phi_z: NDArray[np.float64]
-    tapered: NDArray[np.bool_]
+    ends: Floats  # (n_soft, 12): stiffness of the connections, 0 where rigid
+    fixed: Bools  # (n_soft, 12): rigid directions
+    R: Floats  # (b, 3, 3)
+    end: Floats  # (b, 2, 3): from the nodes to the ends of the flexible part
+    zone: Floats  # (b, 2): lengths of the rigid zones
+    span: Floats  # length of the axis between the nodes' offsets
+    L: Floats  # flexible length
+    A: Floats
+    Iy: Floats
+    Iz: Floats
+    Ip: Floats
+    J: Floats
+    ky: Floats
+    kz: Floats
+    nu: Floats
+    eta: Floats
+    rotary: Floats  # 1 with rotary inertia of bending
+    bar: Floats  # 1 for bars
+    higher: Floats  # 1 for mass of higher order
+    lumped: Floats  # 1 for lumped mass
+    turning: Floats  # 0 for mass without rotary inertia of bending
+    tension: Floats
+    phi_y: Floats  # shear parameter for bending in x-y
+    phi_z: Floats
+    tapered: Bools
     stations: Array  # (b, N_STATIONS, 7), or (b, 0, 7) without tapers: columns as in COLUMNS
     E: Array
     rho: Array
@@ -102,7 +102,7 @@ NO_CHANGE = SectionChange()
 def form_lines(
     layout: Layout,
     mesh: Mesh,
-    rows: NDArray[np.int64],
+    rows: Ints,
     values: Mapping[str, Any],
     shear_factors: Array | None = None,
     *,
@@ -156,7 +156,7 @@ def form_lines(
 
 
 def _constants_of(
-    layout: Layout, kind: NDArray[np.int64], shear_factors: Array | None, change: SectionChange
+    layout: Layout, kind: Ints, shear_factors: Array | None, change: SectionChange
 ) -> dict[str, Array]:
     """Return the table's rows of lines, with changed sections."""
     unused = ("up", "angle", "k_full_y", "k_full_z")
@@ -173,7 +173,7 @@ def _constants_of(
     return table
 
 
-def _moduli(layout: Layout, kind: NDArray[np.int64], values: Mapping[str, Any]) -> tuple[Array, Array]:
+def _moduli(layout: Layout, kind: Ints, values: Mapping[str, Any]) -> tuple[Array, Array]:
     """Return Young's modulus and density of lines; G follows E."""
     kinds, each = np.unique(kind, return_inverse=True)
     made_of = [layout.materials[k] for k in kinds]
@@ -184,7 +184,7 @@ def _moduli(layout: Layout, kind: NDArray[np.int64], values: Mapping[str, Any]) 
     return E, rho
 
 
-def _end_maps(R: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
+def _end_maps(R: Floats, end: Floats) -> Floats:
     """Return the local motion of ends at arms (b, 2, 3) from their nodes, from global DOFs: (b, 12, 12)."""
     T = np.zeros((len(R), 12, 12))
     for k in range(2):
@@ -203,13 +203,7 @@ def _shear_parameter(table: Mapping[str, Array], I: str, k: str, L: Array, facto
     return np.divide(above, below, out=out, where=np.real(table[k]) > 0)
 
 
-def _stations(
-    layout: Layout,
-    rows: NDArray[np.int64],
-    span: NDArray[np.float64],
-    change: SectionChange,
-    shear: Array,
-) -> Array:
+def _stations(layout: Layout, rows: Ints, span: Floats, change: SectionChange, shear: Array) -> Array:
     """Return the constants along the flexible parts of tapered lines, shape (b, N_STATIONS, 7); 1 for others.
 
     ``shear`` are factors of the shear flexibility along y and z, (2, b). Empty, (b, 0, 7), without tapers.
@@ -244,7 +238,7 @@ def _shear_factors(shear: Mapping[str, tuple[Any, Any]], mesh: Mesh) -> Array:
     return out
 
 
-def some_lines(g: Lines, rows: NDArray[np.int64]) -> Lines:
+def some_lines(g: Lines, rows: Ints) -> Lines:
     """Return some of the lines, with rigid end connections."""
     skip = ("soft", "slip", "ends", "fixed")
     keep = {key: getattr(g, key)[rows] for key in Lines.__slots__ if key not in skip}
@@ -299,7 +293,7 @@ def inertias(g: Lines, xi: Array) -> Array:
     return g.rho[:, None] * np.stack([at["A"], at["A"], at["A"], *turning], axis=-1)
 
 
-def cross_matrices(v: NDArray[np.float64]) -> NDArray[np.float64]:
+def cross_matrices(v: Floats) -> Floats:
     """Return the matrices of cross products, S w = v × w, of vectors (b, 3), also complex ones: (b, 3, 3)."""
     S = np.zeros((len(v), 3, 3), dtype=v.dtype)
     S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]

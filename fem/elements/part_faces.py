@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Floats, Ints
 from fem.matrices import Matrices, MatricesError
 from fem.summary import fields_summary
 
@@ -46,10 +47,10 @@ class PartFaces:
         Vertices of the sharp edges and of the rims of shells.
     """
 
-    points: NDArray[np.float64]
-    rows: NDArray[np.int64]
-    triangles: NDArray[np.int64]
-    edges: NDArray[np.int64]
+    points: Floats
+    rows: Ints
+    triangles: Ints
+    edges: Ints
 
     __repr__ = fields_summary
 
@@ -105,14 +106,14 @@ class PartFaces:
         return np.where(self.rows >= 0, moved[self.rows], 0.0)
 
 
-def _outer(xyz: NDArray[np.float64], cells: Sequence[tuple[str, ArrayLike]]) -> NDArray[np.int64]:
+def _outer(xyz: Floats, cells: Sequence[tuple[str, ArrayLike]]) -> Ints:
     """Return the faces that one solid cell alone has, and shells, shape (n, 4), quadrilaterals first.
 
     Triangles have their last corner twice. Faces of solids are anticlockwise seen from outside.
     """
-    solid: list[NDArray[np.int64]] = [np.zeros((0, 4), dtype=np.int64)]
+    solid: list[Ints] = [np.zeros((0, 4), dtype=np.int64)]
     flat = list(solid)
-    inside: list[NDArray[np.float64]] = [np.zeros((0, 3))]
+    inside: list[Floats] = [np.zeros((0, 3))]
     for kind, rows in cells:
         shape, nodes = re.sub(r"\d+$", "", kind), np.asarray(rows, dtype=np.int64)
         for corners in _FACES.get(shape, ()):
@@ -135,7 +136,7 @@ def _outer(xyz: NDArray[np.float64], cells: Sequence[tuple[str, ArrayLike]]) -> 
     return faces[np.argsort(faces[:, 2] == faces[:, 3], kind="stable")]
 
 
-def _keys(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
+def _keys(faces: Ints, n: int) -> Ints:
     """Return a number for each face that does not depend on the order of its corners.
 
     It is made of the three smallest corners, which no two faces of a conforming mesh share.
@@ -146,9 +147,7 @@ def _keys(faces: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     return (lowest[:, 0] * n + lowest[:, 1]) * n + lowest[:, 2]
 
 
-def _coarser(
-    xyz: NDArray[np.float64], triangles: NDArray[np.int64], most: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _coarser(xyz: Floats, triangles: Ints, most: int) -> tuple[Ints, Ints]:
     """Return the vertices that are kept, at most ``most``, and the triangles between them.
 
     Of the vertices in one cube of a grid the one nearest to their mean stands for all.
@@ -176,7 +175,7 @@ def _coarser(
     return vertex[used], numbered.reshape(-1, 3)
 
 
-def _rows(part: Matrices, xyz: NDArray[np.float64], held: bool) -> NDArray[np.int64]:
+def _rows(part: Matrices, xyz: Floats, held: bool) -> Ints:
     """Return the rows of the part's matrices that move places along x, y and z, shape (n, 3)."""
     if not len(part.points):
         msg = "the places of the part's nodes are not known, so that no mesh can be matched to them"
@@ -210,7 +209,7 @@ def _rows(part: Matrices, xyz: NDArray[np.float64], held: bool) -> NDArray[np.in
     return rows
 
 
-def _sharp_edges(xyz: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+def _sharp_edges(xyz: Floats, triangles: Ints) -> Ints:
     """Return the edges at which faces meet at an angle, or that one face alone has, (n, 2)."""
     a, b, c = (xyz[triangles[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)

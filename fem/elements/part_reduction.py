@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.elements.part_ties import FREE_RESISTANCE
 from fem.linalg.lanczos import lowest_eigenpairs
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
@@ -26,8 +26,8 @@ def reduce_inside(
     max_frequency: float | None,
     where: str,
     residual: bool = False,
-    places: NDArray[np.float64] | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
+    places: Floats | None = None,
+) -> tuple[Floats, Floats, Floats, Floats, float]:
     """Reduce the inside to constraint modes and fixed-interface modes.
 
     With ``residual`` the static response X = K⁻¹ P to the inertia P of the constraint modes, as far as the
@@ -66,7 +66,7 @@ def reduce_inside(
         raise ModelError(_mechanism(where)) from reason
     _check_fixed_inside(S @ Kzz @ S, factor, where)
 
-    def solve(b: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(b: Floats) -> Floats:
         by_row = scale.reshape(-1, *([1] * (b.ndim - 1)))
         return by_row * factor.solve(by_row * b)
 
@@ -97,9 +97,7 @@ def reduce_inside(
     return psi, modes, omega2, rest, following
 
 
-def _residual_modes(
-    X: NDArray[np.float64], K: NDArray[np.float64], M: sp.csc_array
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _residual_modes(X: Floats, K: Floats, M: sp.csc_array) -> tuple[Floats, Floats]:
     """Return M-normalised combinations of vectors X (n_z, n_b) that do not couple, and their ω².
 
     ``K`` (n_b, n_b) is their stiffness.
@@ -118,7 +116,7 @@ def _residual_modes(
 
 def _fixed_modes(
     K: sp.csc_array, M: sp.csc_array, solve: Any, n_modes: int | None, max_frequency: float | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     """Return the lowest modes with fixed points, M-normalised; one more than is asked for if there is one.
 
     M may have no mass in some directions, which then have no mode.
@@ -155,9 +153,7 @@ def _check_fixed_inside(A: Any, factor: Factor, where: str) -> None:
         raise ModelError(msg)
 
 
-def without_rigid_resistance(
-    K: NDArray[np.float64], before: NDArray[np.float64], mesh: Mesh, points: Sequence[int]
-) -> NDArray[np.float64]:
+def without_rigid_resistance(K: Floats, before: Floats, mesh: Mesh, points: Sequence[int]) -> Floats:
     """Return K of the points without the resistance to rigid-body motions that rounding in the file leaves.
 
     ``before`` is the diagonal of K before the inside followed the points: it scales metres and radians alike.
@@ -175,7 +171,7 @@ def without_rigid_resistance(
     return out
 
 
-def check_definite(X: NDArray[np.float64], diagonal: NDArray[np.float64], name: str, where: str) -> None:
+def check_definite(X: Floats, diagonal: Floats, name: str, where: str) -> None:
     """Raise an error if a reduced matrix, scaled by a diagonal, has eigenvalues below 0 beyond rounding."""
     scale = np.sqrt(np.maximum(diagonal, 1e-14 * np.abs(diagonal).max(initial=1e-300)))
     lowest = float(np.linalg.eigvalsh(X / np.outer(scale, scale))[0])
@@ -187,6 +183,6 @@ def check_definite(X: NDArray[np.float64], diagonal: NDArray[np.float64], name: 
         raise ModelError(msg)
 
 
-def symmetrised(X: NDArray[np.float64]) -> NDArray[np.float64]:
+def symmetrised(X: Floats) -> Floats:
     """Return the symmetric part of a matrix."""
     return (X + X.T) / 2

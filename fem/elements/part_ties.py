@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from fem.array_types import Floats, Ints
 from fem.matrices import Matrices, MatricesError
 from fem.mesh import Mesh
 from fem.model import ModelError, lever_matrix
@@ -112,7 +112,7 @@ def interface_map(
 ) -> tuple[sp.csr_array, int]:
     """Return G with u_part = G (u_points, z), z the coordinates inside, and the size of u_points."""
     taken = np.zeros(matrices.n, dtype=bool)
-    blocks: list[tuple[NDArray[np.int64], int, NDArray[np.float64]]] = []
+    blocks: list[tuple[Ints, int, Floats]] = []
     n_b = 6 * len(attachments)
     n = n_b
     for k, a in enumerate(attachments):
@@ -152,7 +152,7 @@ def interface_map(
     return G.tocsr(), n_b
 
 
-def inner_places(matrices: Matrices, G: sp.csr_array, n_b: int) -> NDArray[np.float64] | None:
+def inner_places(matrices: Matrices, G: sp.csr_array, n_b: int) -> Floats | None:
     """Return the places (n_z, 3) of the coordinates inside [m]; None if one has no place.
 
     ``G`` is that of :func:`interface_map`. A coordinate that moves several nodes has the place of one.

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.materials import Material
 from fem.model import DIRECTIONS, ModelError
 from fem.sections.section import Section
@@ -63,9 +63,9 @@ class MemberProperties:
 
     material: Material
     section: Section
-    orientation: NDArray[np.float64] | None = None
-    offset1: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    offset2: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    orientation: Floats | None = None
+    offset1: Floats = field(default_factory=lambda: np.zeros(3))
+    offset2: Floats = field(default_factory=lambda: np.zeros(3))
     rigid1: float = 0.0
     rigid2: float = 0.0
     theory: str = "timoshenko"
@@ -106,7 +106,7 @@ class MemberProperties:
         _check_ends(self)
 
     @property
-    def end_stiffness(self) -> NDArray[np.float64]:
+    def end_stiffness(self) -> Floats:
         """Stiffness of the connections of both ends in local directions, inf where rigid, shape (12,)."""
         k = np.full(12, np.inf)
         for end, (free, springs) in enumerate(((self.release1, self.spring1), (self.release2, self.spring2))):

@@ -3,11 +3,12 @@
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fem.array_types import Floats
 
 
 @cache
-def gauss_points(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def gauss_points(n: int) -> tuple[Floats, Floats]:
     """Return n Gauss points of 0 … 1 and their weights, which sum to 1."""
     x, w = np.polynomial.legendre.leggauss(n)
     points, weights = (x + 1) / 2, w / 2

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.elements.layout import Layout, constants_at
 from fem.elements.lines import Lines, SectionChange, cross_matrices
 from fem.elements.quadrature import gauss_points
@@ -47,7 +47,7 @@ def masses_in_rigid_zones(g: Lines, first: Array, last: Array, per_length: Array
         yield masses_at_arms(g.R, arm, length[:, None] * per_length + (length**3 / 12)[:, None] * across)
 
 
-def masses_at_arms(R: NDArray[np.float64], arm: Array, body: Array) -> Array:
+def masses_at_arms(R: Floats, arm: Array, body: Array) -> Array:
     """Return masses (b, 6, 6) at nodes of bodies (b, 6) in axes R, at arms (b, 3) from the nodes."""
     G = np.zeros((len(arm), 6, 6), dtype=arm.dtype)
     G[:, :3, :3] = G[:, 3:, 3:] = R

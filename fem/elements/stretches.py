@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Ints
 from fem.elements import tapered
 from fem.elements.connections import line_slips, with_connections, with_rigid_ends
 from fem.elements.frame import Frame
@@ -174,8 +175,8 @@ class Stretches:
 
     lines: Lines
     members: NDArray[np.str_]
-    which: NDArray[np.int64]
-    touched: NDArray[np.int64]
+    which: Ints
+    touched: Ints
     cut: Array
     flexibility: Array
     parts: Array
@@ -280,16 +281,14 @@ def at_least(length: Any, least: float) -> Any:
     return least + 1j * length.imag if np.iscomplexobj(length) else least
 
 
-def _fractions_of(
-    mesh: Mesh, stretches: Sequence[tuple[str, Any, Any]]
-) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.int64]]:
+def _fractions_of(mesh: Mesh, stretches: Sequence[tuple[str, Any, Any]]) -> tuple[Ints, Array, Array, Ints]:
     """Return :func:`_fractions` of several stretches, one after the other, and each line's stretch."""
     lines, lo, hi = zip(*(_fractions(mesh, *each) for each in stretches), strict=True)
     which = np.repeat(np.arange(len(stretches)), [len(part) for part in lines])
     return np.concatenate(lines), np.concatenate(lo), np.concatenate(hi), which
 
 
-def _fractions(mesh: Mesh, member: str, start: Any, stop: Any) -> tuple[NDArray[np.int64], Array, Array]:
+def _fractions(mesh: Mesh, member: str, start: Any, stop: Any) -> tuple[Ints, Array, Array]:
     """Return the lines of a member between two arc lengths, and the fractions of the lines between them."""
     s = mesh.member_positions(member)
     first: Any = start if np.real(start) > 0 else 0.0

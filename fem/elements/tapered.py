@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats
+
 Array = NDArray[Any]
 
 N_STATIONS = 12
@@ -31,14 +33,14 @@ STATIONS = STATIONS + 0.5
 KNOTS = (1 - np.cos(np.pi * np.arange(N_KNOTS) / (N_KNOTS - 1))) / 2
 
 
-def _lagrange() -> NDArray[np.float64]:
+def _lagrange() -> Floats:
     """Return the coefficients of the polynomials that are 1 at one station, in Legendre's, (q, q)."""
     k = np.arange(N_STATIONS)
     values = np.polynomial.legendre.legvander(2 * STATIONS - 1, N_STATIONS - 1)
     return np.asarray((2 * k + 1)[:, None] * (values * WEIGHTS[:, None]).T)
 
 
-def _integrated(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def _integrated(coefficients: Floats) -> Floats:
     """Return the coefficients of the integrals from 0 on; x = (t + 1) / 2."""
     return np.array(np.polynomial.legendre.legint(coefficients, lbnd=-1, scl=0.5, axis=0), dtype=np.float64)
 
@@ -60,7 +62,7 @@ def weights_at(x: Array, integrated: int = 0) -> Array:
     return out
 
 
-def between_knots(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def between_knots(x: Floats) -> Floats:
     """Return the weights, (…, N_KNOTS), of values at the knots that give a function at fractions x.
 
     Barycentric interpolation: Berrut & Trefethen, SIAM Review 46 (2004) 501-517.

@@ -19,7 +19,7 @@ from fem.io.abaqus_write import keywords, row, section_keywords, with_ends
 from fem.io.deck import real, words
 from fem.io.deck_nodes import bar_axes, directions_in, wrapped
 from fem.io.deck_units import DeckUnits
-from fem.io.frame_deck import Bars, Body, Connection
+from fem.io.frame_deck import Body, Connection
 from fem.io.frame_of_model import ModelDeck
 from fem.io.source_changes import (
     DeckEdit,
@@ -31,6 +31,8 @@ from fem.io.source_changes import (
     same_material,
     source_changes,
     taken,
+    with_bars,
+    without_items,
 )
 from fem.materials import Material
 
@@ -161,7 +163,7 @@ class _AbaqusWriter:
         """Return a material with the values of another one in proportion."""
         block = self._material_block(name)
         assert block is not None
-        was = next(p.material for p in self.changes.source.properties if p.material.name == name)
+        was = self.changes.material(name)
         lines = self._text(block, NAME=called)
         for b in self._after(block, OF_MATERIAL):
             text = self._text(b)
@@ -191,8 +193,7 @@ class _AbaqusWriter:
         for of, m, called in self.made:
             if of == name and same_material(m, new):
                 return called
-        was = next(p.material for p in self.changes.source.properties if p.material.name == name)
-        if same_material(was, new):
+        if same_material(self.changes.material(name), new):
             return name
         called = f"{name}-{next(self.names)}"
         self.made.append((name, new, called))
@@ -314,16 +315,9 @@ class _AbaqusWriter:
             if c.pieces[k].source < 0 or int(numbers[k]) in given:
                 numbers[k] = next(free)
             given.add(int(numbers[k]))
-        bars = taken(replace(deck.bars, numbers=numbers), [(k, False) for k in own])
-        used, which = np.unique(bars.properties, return_inverse=True)
-        deck = with_ends(
-            replace(
-                deck,
-                bars=replace(bars, properties=which),
-                properties=tuple(deck.properties[i] for i in used),
-                first={**deck.first, "element": next(free), "name": next(self.names)},
-            )
-        )
+        first = {**deck.first, "element": next(free), "name": next(self.names)}
+        deck = replace(deck, bars=replace(deck.bars, numbers=numbers), first=first)
+        deck = with_ends(with_bars(deck, own))
         for n in {int(c.source.bars.numbers[c.pieces[k].source]) for k in own if c.pieces[k].source >= 0}:
             self._take_out(n)
         for s in c.lost:
@@ -343,13 +337,12 @@ class _AbaqusWriter:
                 f"*ELEMENT, TYPE={kind.name}, ELSET={name}",
                 row(int(deck.bars.numbers[j]), *map(int, ends)),
             ]
-        rest = replace(deck, bars=taken(deck.bars, [(j, False) for j in kept]) if kept else Bars.of([]))
-        self.out.lines += [*keywords(rest, self.u)[: self._node_lines(rest)], *lines]
-        self.out.lines += keywords(rest, self.u)[self._node_lines(rest) :]
-
-    def _node_lines(self, deck: ModelDeck) -> int:
         new = sum(k not in deck.known for k in range(len(deck.nodes)))
-        return new + 1 if new else 0
+        written, n = (
+            keywords(replace(deck, bars=taken(deck.bars, [(j, False) for j in kept])), self.u),
+            new + bool(new),
+        )
+        self.out.lines += [*written[:n], *lines, *written[n:]]
 
     def _take_out(self, number: int) -> None:
         """Replace the line of an element, and what releases its ends."""
@@ -401,11 +394,7 @@ class _AbaqusWriter:
             if self._is_alone(block, number):
                 self._replace(block)
             self._take_out(number)
-        return replace(
-            deck,
-            bodies=tuple(b for b in deck.bodies if b not in gone),
-            connections=tuple(c for c in deck.connections if c not in gone),
-        )
+        return without_items(deck, gone)
 
     def _user(self, kind: str, number: int) -> AbaqusBlock | None:
         """Return the block that gives an element of one or two nodes its value."""

@@ -132,7 +132,7 @@ class ConstraintBuilder:
         block = placed.block
         check(block, "CONSTRAINTNAME", "REFNODE", "SURFACE", "ORIENTATION")
         node = self._reference(placed, instance)
-        members = self._surface(placed, instance)
+        members = self._surface(placed)
         axes = self.systems.orientation(placed, instance)
         name = f"COUPLING {block.options.get('CONSTRAINTNAME', '') or f'({block.place})'}"
         for keyword, sub in placed.subs.items():
@@ -145,7 +145,7 @@ class ConstraintBuilder:
         if not placed.subs:
             raise fault(block, "is followed by neither *KINEMATIC nor *DISTRIBUTING")
 
-    def _surface(self, placed: Placed, instance: Instance) -> list[tuple[int, float]]:
+    def _surface(self, placed: Placed) -> list[tuple[int, float]]:
         """Return the nodes of the surface of nodes that a coupling names, with their weights."""
         block = placed.block
         name = block.option("SURFACE", "SURFACE=")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.io.abaqus_keywords import BLANK_LINES, READ
-from fem.io.deck import DeckFile, Files, named
+from fem.io.deck import DeckFile, Files, counted
 from fem.io.faults import error_at
 from fem.mesh import MeshError
 
@@ -263,10 +263,4 @@ def table_of(texts: list[str], dtype: type, least: int, most: int) -> NDArray[An
 
 def left_out_sentence(words: str, found: dict[str, list[str]]) -> list[str]:
     """Return one sentence that counts names, each with the first of its places."""
-    if not found:
-        return []
-    counts = [
-        f"{name} ({len(at)}, first at {at[0]})" if len(at) > 1 else f"{name} ({at[0]})"
-        for name, at in found.items()
-    ]
-    return [f"{words}: {named(counts)}"]
+    return [f"{words}: {counted(found)}"] if found else []

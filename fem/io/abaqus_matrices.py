@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.io.columns import cut_number, is_number
 from fem.matrices import MatricesError
 from fem.model import lever_matrix
@@ -29,7 +29,7 @@ _TYPES = {"STIFFNESS": "K", "MASS": "M", "VISCOUSDAMPING": "C", "STRUCTURALDAMPI
 _MATRIX = re.compile(r"^\*MATRIX\s*,\s*TYPE\s*=\s*([A-Z ]+)", re.IGNORECASE)
 
 
-def number_rows(file: Path, text: str, width: int) -> NDArray[np.float64]:
+def number_rows(file: Path, text: str, width: int) -> Floats:
     """Return the numbers of lines that have as many each, separated by commas or blanks, shape (n, width).
 
     Raises
@@ -100,9 +100,7 @@ def read_entries(files: dict[str, Path]) -> dict[str, Any]:
     return {**found, "node": dofs[free] // 8, "direction": dofs[free] % 8}
 
 
-def rows_in_order(
-    found: dict[str, Any], nodes: NDArray[np.int64], points: NDArray[np.float64]
-) -> dict[str, Any]:
+def rows_in_order(found: dict[str, Any], nodes: Ints, points: Floats) -> dict[str, Any]:
     """Return matrices of the format ``COORDINATE``, and ``node`` and ``direction`` of their rows.
 
     Abaqus numbers rows by node, rising, and by direction. Rigid-body motions show whether it did: without
@@ -134,7 +132,7 @@ def rows_in_order(
     return {**kept, "node": node[free], "direction": direction[free]}
 
 
-def moves_freely(K: sp.csr_array, R: NDArray[np.float64]) -> bool:
+def moves_freely(K: sp.csr_array, R: Floats) -> bool:
     """Return whether most rows (m, n) of a stiffness that rigid-body motions R (n, 6) reach meet no force."""
     terms = (abs(K) @ np.abs(R)).max(axis=1)
     force = np.abs(K @ R).max(axis=1)
@@ -143,7 +141,7 @@ def moves_freely(K: sp.csr_array, R: NDArray[np.float64]) -> bool:
     return bool((force > 1e-6 * terms)[reached].sum() <= reached.sum() / 2)
 
 
-def _check_indices(file: Path, index: NDArray[np.float64]) -> None:
+def _check_indices(file: Path, index: Floats) -> None:
     wrong = (index < 1) | (index != np.floor(index)) | (index > 1e12)
     if index.shape[1] == 4:
         wrong[:, 1::2] |= index[:, 1::2] > 6
@@ -157,7 +155,7 @@ def _check_indices(file: Path, index: NDArray[np.float64]) -> None:
         raise MatricesError(msg)
 
 
-def _symmetric(i: Any, j: Any, values: NDArray[np.float64], n: int) -> sp.csr_array:
+def _symmetric(i: Any, j: Any, values: Floats, n: int) -> sp.csr_array:
     """Return a matrix of which one triangle or both are given."""
     X = sp.coo_array((values, (i.astype(np.int64), j.astype(np.int64))), shape=(n, n)).tocsr()
     one = not sp.triu(X, 1).count_nonzero() or not sp.tril(X, -1).count_nonzero()
@@ -200,7 +198,7 @@ def read_substructure(file: Path) -> dict[str, Any]:
     return found
 
 
-def _element_rows(file: Path, lines: list[str], at: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _element_rows(file: Path, lines: list[str], at: int) -> tuple[Ints, Ints]:
     """Return node and direction of the rows of ``*USER ELEMENT``.
 
     Comments have the nodes; the first line the directions of the first, and each further line a place in

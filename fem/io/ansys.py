@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fem.io.ansys_content import ON_AXIS, AnsysDeck, AnsysElement
+from fem.io.ansys_content import ON_AXIS
 from fem.io.ansys_deck import read_deck
 from fem.io.ansys_systems import rotation
 from fem.io.rawmesh import RawMesh
@@ -30,7 +30,8 @@ def read_ansys(path: Path) -> RawMesh:
     sets: dict[str, list[int]] = {}
     inside = {n for kind, items in deck.components.values() if kind == "ELEM" for n in items}
     for e in deck.elements.values():
-        kind = _kind(deck, e)
+        kind = deck.kind(e)
+        deck.check_nodes(e)
         count = ON_AXIS.get(kind, 0)
         if not count or len(e.nodes) < count:
             raw.left_out[f"elements of type {kind}"] += 1
@@ -60,13 +61,3 @@ def ansys_places(path: Path) -> dict[str, Any]:
         "points": np.array([row[:3] for row in nodes.values()]).reshape(-1, 3),
         "axes": {n: rotation(*row[3:]) for n, row in nodes.items() if any(row[3:])},
     }
-
-
-def _kind(deck: AnsysDeck, e: AnsysElement) -> int:
-    """Return the number in the name of an element's type; its nodes are checked, too."""
-    if e.type not in deck.types:
-        raise deck.error(e.line, f"element {e.number} has the type {e.type}, which no ET defines")
-    missing = next((n for n in e.nodes if n not in deck.nodes), None)
-    if missing is not None:
-        raise deck.error(e.line, f"element {e.number} refers to node {missing}, which is not defined")
-    return deck.types[e.type][0]

@@ -13,7 +13,7 @@ import numpy as np
 
 from fem.io.ansys_content import AnsysDeck, AnsysElement
 from fem.io.ansys_deck import read_deck
-from fem.io.ansys_frame import read_ansys_frame
+from fem.io.ansys_frame import BY_SECTION, read_ansys_frame
 from fem.io.ansys_systems import rotation
 from fem.io.ansys_write import LABEL, Attributes, command, commands, section_commands
 from fem.io.deck_nodes import directions_in, wrapped
@@ -28,12 +28,12 @@ from fem.io.source_changes import (
     nodes_of,
     same_material,
     source_changes,
-    taken,
+    with_bars,
+    without_items,
 )
 from fem.materials import Material
 from fem.model import DIRECTIONS
 
-BY_SECTION = (188, 189, 288, 289)
 _ITEM = re.compile(r"(MASS21|COMBIN14|CE) (\d+)")
 
 
@@ -74,7 +74,6 @@ class _AnsysWriter:
             int(k): self.elements[int(bars.numbers[row])]
             for k, row in zip(*np.unique(bars.properties, return_index=True), strict=True)
         }
-        self.is_simple: dict[int, bool] = {}
 
     def edit(self) -> DeckEdit:
         """Return the commands."""
@@ -108,14 +107,8 @@ class _AnsysWriter:
                 numbers[k] = next(free)
             elif c.pieces[k].source >= 0:
                 self._redefine(f"element {numbers[k]}")
-        chosen = taken(replace(deck.bars, numbers=numbers), [(k, False) for k in own])
-        used, which = np.unique(chosen.properties, return_inverse=True)
-        deck = replace(
-            deck,
-            bars=replace(chosen, properties=which),
-            properties=tuple(deck.properties[i] for i in used),
-            first={**self.first, "element": next(free), "table": next(self.tables)},
-        )
+        deck = with_bars(replace(deck, bars=replace(deck.bars, numbers=numbers)), [*own])
+        deck = replace(deck, first={**self.first, "element": next(free), "table": next(self.tables)})
         attributes = {row: given for row, given in enumerate(own.values()) if given is not None}
         more = commands(deck, self.u, attributes=attributes)
         if self.out.lines or len(more) > 1:
@@ -155,11 +148,7 @@ class _AnsysWriter:
                 *wrapped("!", new.name),
                 command("R", real, *self._constants(item, new, n)),
             )
-        return replace(
-            deck,
-            bodies=tuple(b for b in deck.bodies if b not in gone),
-            connections=tuple(c for c in deck.connections if c not in gone),
-        )
+        return without_items(deck, gone)
 
     def _constants(self, old: Any, new: Any, number: int) -> list[float]:
         """Return the real constants of an element that make it a new item; empty where none do."""
@@ -192,7 +181,7 @@ class _AnsysWriter:
     def _material_lines(self, old: int, n: int, new: Material) -> list[str]:
         """Return the commands of a material with the values of another one in proportion."""
         values = self.archive.materials[old]
-        was = next(p.material for p in self.changes.source.properties if p.material.name == f"material {old}")
+        was = self.changes.material(f"material {old}")
         shear = new.E / was.E * (1 + was.nu) / (1 + new.nu)
         factors = {"EX": new.E / was.E, "GXY": shear, "DENS": new.rho / was.rho}
         out = {key: value * factors.get(key, 1.0) for key, value in values.items()}
@@ -223,22 +212,9 @@ class _AnsysWriter:
         absolute = command is not None and any(command.control[k : k + 1] not in ([], [0.0]) for k in (0, 2))
         return v.section or (v.material and absolute)
 
-    def _kind(self, e: AnsysElement) -> int:
-        return self.archive.types[e.type][0]
-
     def _simple(self, source: int) -> bool:
         """Whether constants of a section along the axes of its elements stand for it."""
-        if source not in self.is_simple:
-            self.is_simple[source] = self._found_simple(source)
-        return self.is_simple[source]
-
-    def _found_simple(self, source: int) -> bool:
-        c = self.changes
-        rows = np.flatnonzero(c.source.bars.properties == source)
-        p = c.source.properties[source]
-        e, _ = self._old(source)
-        shifted = c.before.bars.offsets[rows].any() or p.section.angle or p.section2 is not None
-        return not shifted and self._kind(e) == 188
+        return source not in self.changes.shifted and self.archive.kind(self.element_of[source]) == 188
 
     def _section_in_place(self, i: int, v: Variant) -> None:
         if v.source < 0 or not v.complete or not self._needs_section(v) or not self._simple(v.source):
@@ -247,7 +223,7 @@ class _AnsysWriter:
         others = {
             x.number
             for x in self.archive.elements.values()
-            if x.section == e.section and self._kind(x) in BY_SECTION
+            if x.section == e.section and self.archive.kind(x) in BY_SECTION
         }
         bars = self.changes.source.bars
         if others == set(bars.numbers[bars.properties == v.source].tolist()):

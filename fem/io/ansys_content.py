@@ -97,15 +97,26 @@ class AnsysDeck:
         """Return an option of an element type, 0 unless given."""
         return self.keyopts.get((number, k), 0)
 
+    def kind(self, element: AnsysElement) -> int:
+        """Return the number in the name of an element's type, 188 of BEAM188.
+
+        Raises
+        ------
+        MeshError
+            For a type that no ET defines.
+        """
+        if element.type not in self.types:
+            text = f"element {element.number} has the type {element.type}, which no ET defines"
+            raise self.error(element.line, text)
+        return self.types[element.type][0]
+
+    def check_nodes(self, element: AnsysElement) -> None:
+        """Refuse an element whose nodes the deck does not have."""
+        missing = next((n for n in element.nodes if n not in self.nodes), None)
+        if missing is not None:
+            text = f"element {element.number} refers to node {missing}, which is not defined"
+            raise self.error(element.line, text)
+
     def name_number(self, element: AnsysElement) -> int:
         """Return the number in the name of an element's type: 188 of BEAM188; 0 without an ET."""
         return self.types.get(element.type, (0, 0))[0]
-
-
-def counted(lines: dict[str, list[int]]) -> str:
-    """Return names with their counts and first lines, for a sentence."""
-    names = [
-        f"{n} ({len(at)}, first at line {at[0]})" if len(at) > 1 else f"{n} (line {at[0]})"
-        for n, at in lines.items()
-    ]
-    return ", ".join(names)

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fem.io import ansys_blocks, ansys_commands, ansys_selection
-from fem.io.ansys_content import AnsysDeck, counted
+from fem.io.ansys_content import AnsysDeck
 from fem.io.ansys_script import Command, key_of
 from fem.io.ansys_state import ELEM, NODE, AnsysState
-from fem.io.deck import Files, words
+from fem.io.deck import Files, counted, words
 
 Handler = Callable[[AnsysState, Command], None]
 
@@ -86,7 +86,6 @@ ANYWHERE: dict[str, Handler] = {
 _GENERATES = (
     "generates or changes parts of the model; solve or save it in ANSYS, and write it with CDWRITE,DB"
 )
-_OTHER_FILE = "reads another file; write all into one"
 _REASONS = {
     """FILL NGEN NSYM NORA NANG NKPT TRANSFER MOVE CENTER NUMMRG NUMCMP NUMSTR EGEN ESYM EMORE ENGEN
     EINTF ESURF EORIENT ENSYM ENORM ETCHG ENDRELEASE KMESH LMESH AMESH VMESH PSMESH MPCOPY CPCYC
@@ -101,7 +100,9 @@ _REASONS = {
     "CSKP CSWPLA": "defines a coordinate system by a solid model or the working plane; use LOCAL",
     "CMMOD CMEDIT CMGRP": "changes or groups components; select them one by one, and name them with CM",
     "SE": "reads a superelement; read its matrices as a part of a study",
-    "CDREAD NREAD EREAD MPREAD SECREAD LSREAD RESUME PARRES /INPUT *ULIB": _OTHER_FILE,
+    "CDREAD NREAD EREAD MPREAD SECREAD LSREAD RESUME PARRES /INPUT *ULIB": (
+        "reads another file; write all into one"
+    ),
     "*USE *CREATE *REPEAT *GO *DOWHILE": "changes the order of commands; write the model with CDWRITE,DB",
 }
 REFUSED = {key_of(name): reason for names, reason in _REASONS.items() for name in names.split()}
@@ -232,7 +233,7 @@ def _end(state: AnsysState, c: Command) -> None:
             later.setdefault(after.name.upper(), []).append(after.line)
     if later:
         ends = "ends the file" if c.key[0] == "/" else "is the first solution"
-        deck.notes.append(f"line {c.line}: {name} {ends}; left out after it: {counted(later)}")
+        deck.notes.append(f"line {c.line}: {name} {ends}; left out after it: {counted(later, 'line ')}")
 
 
 def _notes(deck: AnsysDeck) -> None:
@@ -244,6 +245,6 @@ def _notes(deck: AnsysDeck) -> None:
     loads = {n: lines for n, lines in deck.ignored.items() if n in LOADS}
     others = {n: lines for n, lines in deck.ignored.items() if n not in known}
     if loads:
-        deck.notes.append(f"loads are left out: {counted(loads)}")
+        deck.notes.append(f"loads are left out: {counted(loads, 'line ')}")
     if others:
-        deck.notes.append(f"commands that are not read: {counted(others)}")
+        deck.notes.append(f"commands that are not read: {counted(others, 'line ')}")

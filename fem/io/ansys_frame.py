@@ -29,7 +29,7 @@ from fem.sections.section import Section
 _LINKS = (1, 8, 10, 180)
 _BEAMS = {kind: count for kind, count in ON_AXIS.items() if kind not in _LINKS}
 """Nodes of beams and pipes on their axis; another one orients them."""
-_BY_SECTION = (188, 189, 288, 289)
+BY_SECTION = (188, 189, 288, 289)
 _NAMES = {
     **dict.fromkeys((3, 4, 44, 188, 189), "BEAM"),
     **dict.fromkeys(_LINKS, "LINK"),
@@ -40,7 +40,6 @@ _NAMES = {
     288: "PIPE",
     289: "PIPE",
 }
-_IGNORED = {200: "MESH200"}
 _UNITS = {
     "SI": (1.0, 1.0, 1.0),
     "MKS": (1.0, 1.0, 1.0),
@@ -139,22 +138,17 @@ class _Frame(Found):
 
     # Elements ----------------------------------------------------------------------------------------------
 
-    def _kind(self, e: AnsysElement) -> int:
-        if e.type not in self.source.types:
-            raise self.source.error(e.line, f"element {e.number} has the type {e.type}, which no ET defines")
-        return self.source.types[e.type][0]
-
     def _frame_elements(self) -> list[AnsysElement]:
         """Return the elements that are read; refuse others that share nodes with them."""
-        mine = [e for e in self.source.elements.values() if self._kind(e) in _NAMES]
-        if not any(_NAMES[self._kind(e)] in ("BEAM", "PIPE", "LINK") for e in mine):
-            kinds = sorted({str(self._kind(e)) for e in self.source.elements.values()})
+        mine = [e for e in self.source.elements.values() if self.source.kind(e) in _NAMES]
+        if not any(_NAMES[self.source.kind(e)] in ("BEAM", "PIPE", "LINK") for e in mine):
+            kinds = sorted({str(self.source.kind(e)) for e in self.source.elements.values()})
             text = f"no beams, pipes or links; it has elements of the types {named(kinds) or 'none'}"
             raise self.source.error(len(kinds) and next(iter(self.source.elements.values())).line, text)
         used = {n for e in mine for n in e.nodes}
         counts: dict[int, list[AnsysElement]] = defaultdict(list)
         for e in self.source.elements.values():
-            if (kind := self._kind(e)) not in _NAMES and kind not in _IGNORED:
+            if (kind := self.source.kind(e)) not in _NAMES and kind != 200:  # MESH200
                 counts[kind].append(e)
         for kind, others in counts.items():
             touching = next((e for e in others if used & set(e.nodes)), None)
@@ -170,18 +164,14 @@ class _Frame(Found):
         return mine
 
     def _ends(self, e: AnsysElement, count: int) -> tuple[int, ...]:
-        for n in e.nodes:
-            if n not in self.source.nodes:
-                raise self.source.error(
-                    e.line, f"element {e.number} refers to node {n}, which is not defined"
-                )
+        self.source.check_nodes(e)
         if len(e.nodes) < count:
             text = f"element {e.number} has {len(e.nodes)} nodes and needs {count}"
             raise self.source.error(e.line, text)
         return e.nodes[:count]
 
     def _dofs_of(self, e: AnsysElement) -> Iterable[tuple[int, Iterable[int]]]:
-        kind, key = self._kind(e), lambda k: self.source.keyopt(e.type, k)
+        kind, key = self.source.kind(e), lambda k: self.source.keyopt(e.type, k)
         plane = {3: (0, 1, 5), 1: (0, 1)}
         if kind in _BEAMS:
             nodes, dofs = self._ends(e, _BEAMS[kind]), plane.get(kind, range(6))
@@ -198,7 +188,7 @@ class _Frame(Found):
         return [(n, dofs) for n in nodes]
 
     def _one(self, e: AnsysElement, component: str) -> None:
-        kind = self._kind(e)
+        kind = self.source.kind(e)
         if kind in _BEAMS or kind in _LINKS:
             self._bar(e, kind, component)
         elif kind == 21:
@@ -246,7 +236,7 @@ class _Frame(Found):
         """Return the unit vector of local z."""
         x = x / np.linalg.norm(x)
         third = e.nodes[count:]
-        if third and self._kind(e) in (4, 44, 188, 189, 288, 289):
+        if third and self.source.kind(e) in (4, 44, 188, 189, 288, 289):
             v = self._point(third[0]) - self._point(e.nodes[0])
             v = v - x * (v @ x)
             if np.linalg.norm(v) <= 1e-9 * max(1.0, np.linalg.norm(self._point(third[0]))):
@@ -255,7 +245,7 @@ class _Frame(Found):
             return v / np.linalg.norm(v)
         y = np.array([0.0, 1.0, 0.0]) if np.hypot(x[0], x[1]) <= 1e-4 else np.array([-x[1], x[0], 0.0])
         z = np.cross(x, y / np.linalg.norm(y))
-        theta = np.deg2rad(self._real(e, 6)) if self._kind(e) == 4 else 0.0
+        theta = np.deg2rad(self._real(e, 6)) if self.source.kind(e) == 4 else 0.0
         z /= np.linalg.norm(z)
         return np.cos(theta) * z + np.sin(theta) * np.cross(x, z)
 
@@ -282,7 +272,7 @@ class _Frame(Found):
         self, e: AnsysElement, kind: int, component: str, ends: tuple[int, int]
     ) -> tuple[int, Floats, Floats]:
         """Return the number of a bar's property, and its offsets in element axes [m]."""
-        tapered = kind in _BY_SECTION and getattr(self.source.sections.get(e.section), "kind", "") == "TAPER"
+        tapered = kind in BY_SECTION and getattr(self.source.sections.get(e.section), "kind", "") == "TAPER"
         key = (kind, e.mat, e.real, e.section, component, *(ends if tapered else ()))
         material = self._material(e)
         try:
@@ -293,7 +283,7 @@ class _Frame(Found):
         except PropertyError as reason:
             raise self.source.error(e.line, f"element {e.number}: {reason}") from reason
         if key not in self.known:
-            by_section = kind in _BY_SECTION or (kind == 180 and e.section in self.source.sections)
+            by_section = kind in BY_SECTION or (kind == 180 and e.section in self.source.sections)
             name = component or (f"section {e.section}" if by_section else f"real {e.real}")
             self.known[key] = len(self.properties)
             self.properties.append(
@@ -346,7 +336,7 @@ class _Frame(Found):
 
     def _placed(self, e: AnsysElement, kind: int, material: Material) -> tuple[PlacedSection, PlacedSection]:
         r, u = lambda k: self._real(e, k), self.units
-        if kind in _BY_SECTION or (kind == 180 and e.section in self.source.sections):
+        if kind in BY_SECTION or (kind == 180 and e.section in self.source.sections):
             one = placed_section(self.source, e.section, e, material.G, u)
             return one, one
         self._needs_reals(e)
@@ -546,7 +536,7 @@ class _Frame(Found):
         return full if any(d.values()) else None
 
     def _all_notes(self, elements: list[AnsysElement]) -> tuple[str, ...]:
-        kinds = {(self._kind(e), e.type) for e in elements}
+        kinds = {(self.source.kind(e), e.type) for e in elements}
         if any(k in (188, 288) and not self.source.keyopt(t, 3) for k, t in kinds):
             self.notes.append(
                 "BEAM188 or PIPE288 with KEYOPT(3) = 0 interpolate linearly: in ANSYS a cantilever of n "

@@ -42,7 +42,6 @@ _STAMP = re.compile(
 _DIGITS = re.compile(r"[+-]?\d*[.,]?(?P<decimals>\d*)(?:[eEdD][+-]?(?P<exponent>\d*))?")
 _SAMPLE = 40
 """Lines at the end of a file from which separator and decimal mark are found."""
-_LEAST_CELLS = 2
 FIXED_ROWS = 4
 """Numbers of a column that all have as many decimals are printed with a fixed number of them."""
 
@@ -273,9 +272,7 @@ class _Text:
                 self.blank = frozenset[int]() if mark == " " else self._blank_columns(sample)
                 good = [cells for line in sample if self._is_data(cells := self.filled(line))]
                 # most lines, as one may be cut short; and not a header of a file without data
-                if len(good) > len(sample) // 2 and len(good[0]) >= (
-                    _LEAST_CELLS if separator is None else 1
-                ):
+                if len(good) > len(sample) // 2 and len(good[0]) >= (2 if separator is None else 1):
                     self._refuse_both_marks(good, comma)
                     if mark == ",":
                         self._refuse_two_commas(sample)

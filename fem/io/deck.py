@@ -1,7 +1,7 @@
 """Text decks of solvers: files that include others, within bounds, and numbers as Fortran writes them."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -174,6 +174,18 @@ def named(names: Sequence[str]) -> str:
     """Join names for a sentence, at most :data:`MOST_NAMED` of them."""
     more = len(names) - MOST_NAMED
     return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def counted(found: Mapping[str, Sequence[object]], at: str = "") -> str:
+    """Return names with their counts and the first of their places, for a sentence."""
+    return named(
+        [
+            f"{name} ({len(places)}, first at {at}{places[0]})"
+            if len(places) > 1
+            else f"{name} ({at}{places[0]})"
+            for name, places in found.items()
+        ]
+    )
 
 
 def words(text: str) -> frozenset[str]:

@@ -22,7 +22,6 @@ from fem.io.meshfile import member_arrays, quiet, write_mesh
 from fem.mesh import Location, Mesh, MeshError
 from fem.model import Model, ModelError
 
-_VTK = (".vtu", ".vtk")
 _UNIVERSAL = (".uff", ".unv")
 
 
@@ -113,7 +112,7 @@ def write_fields(
         If values do not fit the mesh, or the format is another one.
     """
     file = Path(path)
-    if file.suffix.lower() not in (*_VTK, ".xdmf"):
+    if file.suffix.lower() not in (".vtu", ".vtk", ".xdmf"):
         raise error_at(file.name, f"motions are written as .vtu, .vtk or .xdmf, not '{file.suffix}'")
     if subdivisions < 1 or (subdivisions > 1 and frame is None):
         msg = f"{subdivisions} subdivisions are asked for; 1 is allowed, and more with the frame given"

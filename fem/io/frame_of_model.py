@@ -265,10 +265,7 @@ def _factors(model: Model, member: str) -> dict[str, float]:
         elif isinstance(e, MemberTorsion) and e.member == member:
             more = {"J": 1 + e.change}
         elif isinstance(e, MemberSection) and e.member == member:
-            f, s = 1 + e.change, frame.members[member].section
-            cube, one = (f**3, f) if e.direction == "z" else (f, f**3)
-            polar = (cube * s.Iy + one * s.Iz) / (s.Iy + s.Iz)
-            more = {"A": f, "Iy": cube, "Iz": one, "Ip": polar, "J": f**4 / polar}
+            more = e.factors(frame.members[member].section)
         elif isinstance(e, SectionForm) and member in e.members:
             more = {key: 1 + getattr(e, key) for key in ("Iy", "Iz", "J")} | {"rho": 1 + e.A}
             more |= dict.fromkeys(("ky", "kz"), 1 / (1 + e.shear))

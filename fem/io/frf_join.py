@@ -6,6 +6,7 @@ import numpy as np
 
 from fem.analysis.frf import FRF
 from fem.io.arrays import TableError
+from fem.io.frf_labels import matrix_of
 from fem.io.frf_reading import Reading
 
 
@@ -51,8 +52,7 @@ def joined(readings: Sequence[Reading], names: Sequence[str]) -> Reading:
                     )
                     raise TableError(msg)
                 where[output, force] = k, i, j
-    outputs, inputs = (list(dict.fromkeys(pair[side] for pair in where)) for side in (0, 1))
-    missing = [f"{o}/{i}" for i in inputs for o in outputs if (o, i) not in where]
+    outputs, inputs, missing = matrix_of(where)
     if missing:
         msg = (
             f"the files {', '.join(names[:4])}{' …' if len(names) > 4 else ''} lack "

@@ -1,6 +1,7 @@
 """Labels of FRFs in files that people and analysers write: units, and the names of a pair."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from fem.analysis.frf import FRFKind
@@ -20,6 +21,13 @@ NAMES = {
     "compliance": FRFKind.RECEPTANCE,
 }
 """Kinds of FRFs by their names."""
+
+
+def matrix_of(pairs: Iterable[tuple[str, str]]) -> tuple[list[str], list[str], list[str]]:
+    """Return outputs and inputs of pairs, and the pairs that a complete matrix needs besides."""
+    there = dict.fromkeys(pairs)
+    outputs, inputs = (list(dict.fromkeys(pair[k] for pair in there)) for k in (0, 1))
+    return outputs, inputs, [f"{o}/{i}" for i in inputs for o in outputs if (o, i) not in there]
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.matrices import MatricesError
 
 _FORMAT = re.compile(r"(\d*)\s*[IEDFG](\d+)", re.IGNORECASE)
@@ -40,7 +40,7 @@ def read_harwell_boeing(file: Path) -> sp.csr_array:
         _refuse(file, 4, f"{lines[3].strip()[:40]!r} does not give three formats such as (3E25.16)")
     n, entries = sizes[0], sizes[2]
     at = 5 if len(counts) > 4 and counts[4] > 0 else 4
-    parts: list[NDArray[np.float64]] = []
+    parts: list[Floats] = []
     for k, (count, wanted) in enumerate(zip(counts[1:4], (n + 1, entries, entries), strict=True)):
         parts.append(_numbers(file, at, lines[at : at + count], wanted, formats[k]))
         at += count
@@ -66,9 +66,7 @@ def _ints(file: Path, line: int, words: list[str]) -> list[int]:
     return [int(word) for word in words]
 
 
-def _numbers(
-    file: Path, at: int, lines: list[str], wanted: int, form: tuple[int, int]
-) -> NDArray[np.float64]:
+def _numbers(file: Path, at: int, lines: list[str], wanted: int, form: tuple[int, int]) -> Floats:
     words = " ".join(lines).split()
     if len(words) != wanted:  # numbers may touch
         each, width = form

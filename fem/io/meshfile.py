@@ -20,7 +20,6 @@ from fem.io.programs import ABAQUS, ANSYS, NASTRAN, program_of
 from fem.io.rawmesh import RawMesh, mesh_of
 from fem.mesh import Mesh, MeshError
 
-_OTHER_MESHES = (".msh", ".vtu", ".vtk", ".xdmf", ".med")
 _UNIVERSAL = (".uff", ".unv")
 
 
@@ -68,7 +67,7 @@ def read_mesh(
     suffix = file.suffix.lower()
     if suffix in _UNIVERSAL:
         return mesh_of(_universal(file), file.name, scale, merge_tolerance, free_points)
-    program = None if suffix in _OTHER_MESHES else program_of(file)
+    program = None if suffix in (".msh", ".vtu", ".vtk", ".xdmf", ".med") else program_of(file)
     if suffix == ".msh":
         from fem.io.gmsh import read_gmsh
 

@@ -140,7 +140,6 @@ USUAL: dict[str, tuple[str, ...]] = {
 }
 """Usual names of arrays, in small letters without punctuation."""
 
-ANGULAR = ("omega", "w", "angularfrequency")
 TEXTS = ("outputs", "inputs", "kind")
 AXES = ("frequency", "output", "input")
 
@@ -274,7 +273,7 @@ class _File:
                 "real frequencies is needed"
             )
         label = found.array.unit
-        if not label and _plain(found.key.rpartition("/")[2]) in ANGULAR:
+        if not label and _plain(found.key.rpartition("/")[2]) in ("omega", "w", "angularfrequency"):
             label = "rad/s"
         factor = frequency_factor(label) if label else 1.0
         if factor is None:

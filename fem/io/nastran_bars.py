@@ -16,7 +16,7 @@ from fem.model import DIRECTIONS
 
 RODS = ("CROD", "CTUBE", "CONROD")
 
-_DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
+DEFAULTS = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}
 
 
 _NO_VECTOR: Floats = np.full(3, np.nan)
@@ -54,7 +54,7 @@ class NastranBar(NamedTuple):
 def bars_of(deck: NastranDeck) -> tuple[Bars, tuple[BarProperty, ...], list[Connection]]:
     """Return the bars, their properties, and the torsional stiffness of rods."""
     properties = Properties(deck)
-    defaults = {name: next(deck.of(card), None) for name, card in _DEFAULTS.items()}
+    defaults = {name: next(deck.of(card), None) for name, card in DEFAULTS.items()}
     beams = [
         _beam(deck, properties, _with_defaults(card, defaults[card.name]))
         for card in deck.by_number(*BEAMS).values()

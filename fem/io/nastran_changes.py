@@ -15,6 +15,7 @@ from fem.io.deck_units import DeckUnits
 from fem.io.frame_deck import BarProperty, Bars
 from fem.io.frame_of_model import ModelDeck
 from fem.io.frame_sections import material_of
+from fem.io.nastran_bars import DEFAULTS
 from fem.io.nastran_cards import BulkData, runs_of
 from fem.io.nastran_deck import Card, NastranDeck, open_deck
 from fem.io.nastran_frame import read_nastran_frame
@@ -37,6 +38,7 @@ from fem.io.source_changes import (
     SourceChanges,
     Variant,
     nodes_of,
+    same_material,
     same_property,
     source_changes,
 )
@@ -107,7 +109,6 @@ class _NastranWriter:
         self.in_place: set[str] = set()
         self.skew: set[int] = set()
         self.property_cards: dict[int, Card | None] = {}
-        self.shifted: dict[int, bool] = {}
         source = changes.source
         self.material_cards = {
             source.properties[k].material.name: self._material_card_of(k)
@@ -266,8 +267,7 @@ class _NastranWriter:
 
     def _material_in_place(self, name: str, new: Material) -> None:
         old = self.material_cards[name]
-        before = next(p.material for p in self.changes.source.properties if p.material.name == name)
-        self._replace(old, *self._material_card(old, old.integer(0), new, before))
+        self._replace(old, *self._material_card(old, old.integer(0), new, self.changes.material(name)))
         self.made.append((name, new, old.integer(0)))
 
     def _material_card(self, old: Card, n: int, new: Material, was: Material) -> list[str]:
@@ -295,9 +295,9 @@ class _NastranWriter:
         known = {p.material.name: p.material for p in self.changes.source.properties}
         name = self.changes.source.properties[source].material.name if source >= 0 else new.name
         for of, m, n in self.made:
-            if of == name and _alike(m, new):
+            if of == name and same_material(m, new):
                 return n
-        if name in known and _alike(known[name], new):
+        if name in known and same_material(known[name], new):
             return self.material_cards[name].integer(0)
         n = next(self.free_material)
         self.made.append((name, new, n))
@@ -335,21 +335,9 @@ class _NastranWriter:
         if element.name == "CONROD":
             return None
         found = self.deck.by_number(*OF_ELEMENT[element.name])
-        default = {"CBAR": "BAROR", "CBEAM": "BEAMOR"}.get(element.name, "")
+        default = DEFAULTS.get(element.name, "")
         text = element.text(1) or next((c.text(1) for c in self.deck.of(default)), "") or element.text(0)
         return found[int(text)]
-
-    def _shifted(self, source: int) -> bool:
-        """Whether the axes of a property are not those of its elements, or lie off their nodes."""
-        if source not in self.shifted:
-            self.shifted[source] = self._is_shifted(source)
-        return self.shifted[source]
-
-    def _is_shifted(self, source: int) -> bool:
-        c = self.changes
-        rows = np.flatnonzero(c.source.bars.properties == source)
-        p = c.source.properties[source]
-        return bool(c.before.bars.offsets[rows].any() or p.section.angle or p.section2 is not None)
 
     def _properties_in_place(self) -> None:
         """Replace cards of which all bars have changed alike.
@@ -366,7 +354,7 @@ class _NastranWriter:
             alike = [complete[s] for s in sources if s in complete]
             if len(alike) < len(sources) or any(not same_property(v.new, alike[0].new) for v in alike):
                 continue
-            if alike[0].section and any(self._shifted(s) for s in sources):
+            if alike[0].section and c.shifted.intersection(sources):
                 continue
             material = self._material(sources[0], alike[0].new.material)
             if not alike[0].section and material == old.integer(1):
@@ -440,7 +428,7 @@ class _NastranWriter:
         old = self.elements[int(c.source.bars.numbers[piece.source])]
         n = old.integer(0) if piece.first else next(free)
         kind = int(c.source.bars.properties[piece.source])
-        shifted = self._shifted(kind)
+        shifted = kind in c.shifted
         if old.name == "CONROD" or (shifted and (piece.joined or (v is not None and v.section))):
             p = v or Variant(
                 kind, c.before.properties[c.before.bars.properties[piece.source]], False, True, False
@@ -460,7 +448,7 @@ class _NastranWriter:
     def _is_in_place(self, v: Variant) -> bool:
         """Whether a variant is that of a material which is replaced."""
         name = self.changes.source.properties[v.source].material.name
-        return name in self.changes.materials and _alike(self.changes.materials[name], v.new.material)
+        return name in self.changes.materials and same_material(self.changes.materials[name], v.new.material)
 
     def _own(self, p: Variant) -> int:
         found = next((i for i, v in enumerate(self.changes.variants) if v is p), None)
@@ -512,13 +500,6 @@ def _padded(c: Card, least: int) -> list[str]:
 def _short(text: str) -> str:
     """Return a field in at most 16 columns."""
     return text if len(text) <= 16 else number(float(text.upper().replace("D", "E")))
-
-
-def _alike(a: Material, b: Material) -> bool:
-    return (
-        all(abs(getattr(a, k) - getattr(b, k)) <= 1e-8 * abs(getattr(a, k)) for k in ("E", "rho", "nu"))
-        and abs(a.loss_factor - b.loss_factor) <= 1e-8
-    )
 
 
 def _fixed_by(c: Card) -> Iterator[tuple[list[int], str]]:

@@ -9,7 +9,6 @@ from fem.io.nastran_deck import Card, NastranDeck
 from fem.model import DIRECTIONS, skew
 
 SPRINGS = ("CELAS1", "CELAS2")
-DAMPERS = ("CDAMP1", "CDAMP2")
 BODIES = ("CONM1", "CONM2", "CMASS2")
 
 Fixed = dict[int, tuple[str, ...]]
@@ -106,7 +105,7 @@ def connections_of(deck: NastranDeck, fixed: Fixed) -> list[Connection]:
     found: list[Connection] = []
     for names, reader in (
         (SPRINGS, _spring),
-        (DAMPERS, _damper),
+        (("CDAMP1", "CDAMP2"), _damper),
         (("CVISC",), _viscous),
         (("CBUSH",), _bush),
         (("CBUSH1D",), _bush1d),

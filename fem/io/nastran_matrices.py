@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from fem.array_types import Ints
 from fem.io.deck import integer
 from fem.io.nastran import Grids, read_grids
 from fem.io.nastran_cards import BulkData, fields_of, real, runs_of
@@ -167,7 +167,7 @@ def by_key(file: Path, matrices: dict[str, sp.csr_array]) -> dict[str, sp.csr_ar
     return found
 
 
-def _rows(dofs: list[tuple[int, int]]) -> dict[str, NDArray[np.int64]]:
+def _rows(dofs: list[tuple[int, int]]) -> dict[str, Ints]:
     table = np.array(dofs, dtype=np.int64).reshape(-1, 2)
     return {"node": np.where(table[:, 1] > 0, table[:, 0], -1), "direction": table[:, 1]}
 

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.matrices import MatricesError
 
 _FORMAT = re.compile(r"(?:1P,)?(\d+)[ED](\d+)\.\d+", re.IGNORECASE)
@@ -37,7 +38,7 @@ class _Matrix:
     bigmat: bool
     parts: list[tuple[int, int, NDArray[Any]]] = field(default_factory=list)
 
-    def add(self, column: int, row: int, numbers: NDArray[np.float64]) -> bool:
+    def add(self, column: int, row: int, numbers: Floats) -> bool:
         """Keep successive values of a column; return whether they lie within the matrix."""
         values = numbers if self.reals == 1 else numbers[0::2] + 1j * numbers[1::2]
         self.parts.append((row - 1, column - 1, values))
@@ -171,9 +172,7 @@ def _ints(file: Path, at: int, line: str, width: int, n: int) -> list[int]:
         _refuse(file, f"line {at + 1}", f"{line[:60]!r} is found where {n} whole numbers are expected")
 
 
-def _values(
-    file: Path, lines: list[str], at: int, n: int, form: tuple[int, int]
-) -> tuple[NDArray[np.float64], int]:
+def _values(file: Path, lines: list[str], at: int, n: int, form: tuple[int, int]) -> tuple[Floats, int]:
     each, width = form
     end = at + -(-max(n, 0) // each)
     texts = [

@@ -97,7 +97,7 @@ def mesh_of(
         notes.append(f"sets without lines: {listed(empty)}")
     names = raw.point_names | _point_names(raw.point_sets, notes)
     if merge_tolerance is None:
-        notes += _coincidences(points, lines)
+        notes += coincidences(points, lines)
     else:
         points, lines, names, kept = _merged(points, lines, names, merge_tolerance, notes, file)
         sets = sets.over(*_first_and_count(kept, len(origin)))
@@ -243,10 +243,19 @@ def _pairs(points: Floats, reach: float) -> Ints | None:
     return some[tree.query_pairs(reach, output_type="ndarray")]
 
 
-def _coincidences(points: Floats, lines: Ints) -> list[str]:
-    """Count the points that lie at the place of others."""
-    used = points[distinct(lines.ravel())]
-    reach = 1e-6 * float(np.ptp(used, axis=0).max())
+def coincidences(points: Floats, lines: Ints, ties: Ints | None = None) -> list[str]:
+    """Return a note with the number of points that lie at the place of others.
+
+    Parameters
+    ----------
+    points : ndarray (n_points, 3)
+    lines : ndarray (n_lines, 2)
+    ties : ndarray (n_ties, 2), optional
+        Pairs of points that are connected otherwise than by lines, and do not count.
+    """
+    numbers = distinct(lines.ravel())
+    used = points[numbers]
+    reach = 1e-6 * float(np.ptp(used, axis=0).max(initial=0.0))
     if not reach:
         return []
     pairs = _pairs(used, reach)
@@ -255,6 +264,10 @@ def _coincidences(points: Floats, lines: Ints) -> list[str]:
             f"more than {MOST_PAIRS // 10**6} million pairs of points lie within {reach:.2g} m of "
             "each other, which is 1e-6 of the mesh's size; is a point far off, or do many lie at one place?"
         ]
+    if ties is not None:
+        weights = np.array([len(points), 1])
+        ends, known = (np.sort(each, axis=1) @ weights for each in (numbers[pairs], ties))
+        pairs = pairs[~np.isin(ends, known)]
     n = distinct(pairs[:, 1]).size
     if not n:
         return []

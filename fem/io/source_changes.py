@@ -9,6 +9,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from itertools import count
 from typing import Any
 
@@ -18,7 +19,7 @@ from scipy.spatial import cKDTree
 from fem.array_types import Floats
 from fem.io.deck_nodes import bar_axes, text_of, wrapped
 from fem.io.faults import refuse
-from fem.io.frame_deck import BarProperty, Bars, FrameDeck
+from fem.io.frame_deck import BarProperty, Bars, Body, Connection, FrameDeck
 from fem.io.frame_model import model_of
 from fem.io.frame_of_model import ModelDeck, deck_of
 from fem.materials import Material
@@ -149,8 +150,8 @@ class Piece:
     ----------
     source : int
         Row of the source's bars, -1 for a bar that the source does not have.
-    first, alone : bool
-        Whether it is the first part of its element, and the only one.
+    first : bool
+        Whether it is the first part of its element.
     joined : bool
         Whether its nodes, end stiffnesses, offsets or orientation have changed.
     variant : int
@@ -159,7 +160,6 @@ class Piece:
 
     source: int
     first: bool
-    alone: bool
     joined: bool
     variant: int
 
@@ -187,7 +187,7 @@ class Variant:
     complete: bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class SourceChanges:
     """The changes of a source deck.
 
@@ -221,19 +221,18 @@ class SourceChanges:
     freed: Mapping[int, tuple[str, ...]]
     lost: tuple[int, ...]
 
-    @property
-    def any(self) -> bool:
-        """Whether there are changes."""
-        d = self.deck
-        return bool(
-            self.pieces
-            or self.variants
-            or self.removed
-            or self.freed
-            or self.lost
-            or d.supports
-            or any(getattr(d, key) for key in ITEMS)
+    @cached_property
+    def shifted(self) -> frozenset[int]:
+        """The source's properties whose axes are not those of their elements, or lie off their nodes."""
+        off = self.before.bars.offsets.any(axis=(1, 2))
+        turned = (
+            k for k, p in enumerate(self.source.properties) if p.section.angle or p.section2 is not None
         )
+        return frozenset([*self.source.bars.properties[off].tolist(), *turned])
+
+    def material(self, name: str) -> Material:
+        """Return a material of the source."""
+        return next(p.material for p in self.source.properties if p.material.name == name)
 
 
 def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str, int]) -> SourceChanges:
@@ -255,12 +254,11 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
             "is this the deck that the study was made of, and are these its units?"
         )
         raise MeshError(msg)
-    old = _pieces_by_bar(before, source, _used(before))
+    old = _pieces_by_bar(before, source)
     before = replace(
         before, bars=taken(before.bars, [old[k][0] if old[k] else (0, False) for k in range(len(old))])
     )
-    after_used = _used(after)
-    rows, pieces, variants, lost = _changed_bars(after, before, source, after_used)
+    rows, pieces, variants, lost = _changed_bars(after, before, source)
     removed, new = _items(after, before)
     was, now = ({_key(d, n): f for n, f in d.supports.items()} for d in (before, after))
     supports = {
@@ -308,7 +306,7 @@ def source_changes(model_deck: ModelDeck, source: FrameDeck, first: Mapping[str,
         _numbered(deck, needed, len(source.nodes)),
         tuple(pieces),
         tuple(variants),
-        _materials(source, before, variants, pieces),
+        _materials(source, variants, pieces),
         tuple(removed),
         freed,
         tuple(lost),
@@ -420,6 +418,20 @@ def taken(bars: Bars, rows: Sequence[Oriented]) -> Bars:
     return Bars(**found)
 
 
+def with_bars(deck: ModelDeck, rows: Sequence[int]) -> ModelDeck:
+    """Return a deck with some of its bars, and with the properties that these have."""
+    bars = taken(deck.bars, [(k, False) for k in rows])
+    used, which = np.unique(bars.properties, return_inverse=True)
+    properties = tuple(deck.properties[i] for i in used)
+    return replace(deck, bars=replace(bars, properties=which), properties=properties)
+
+
+def without_items(deck: ModelDeck, items: Sequence[Body | Connection]) -> ModelDeck:
+    """Return a deck without some of its bodies and connections."""
+    kept = {key: tuple(x for x in getattr(deck, key) if x not in items) for key in ("bodies", "connections")}
+    return replace(deck, **kept)
+
+
 def _spanned(bars: Bars, pairs: Sequence[tuple[Oriented, Oriented]]) -> Bars:
     """Return bars from the first end of one bar to the second end of another."""
     one, other = (taken(bars, [pair[k] for pair in pairs]) for k in (0, 1))
@@ -459,7 +471,7 @@ def _runs(deck: ModelDeck) -> Iterator[list[Oriented]]:
         yield run
 
 
-def _pieces_by_bar(deck: ModelDeck, source: FrameDeck, used: set[int]) -> list[list[Oriented]]:
+def _pieces_by_bar(deck: ModelDeck, source: FrameDeck) -> list[list[Oriented]]:
     """Return the bars of a deck that are each bar of the source, from its first end to its second."""
     found: dict[tuple[int, ...], list[list[Oriented]]] = defaultdict(list)
     for run in _runs(deck):
@@ -489,10 +501,10 @@ def _end(deck: ModelDeck, run: Sequence[Oriented], end: int) -> int:
 
 
 def _changed_bars(
-    after: ModelDeck, before: ModelDeck, source: FrameDeck, used: set[int]
+    after: ModelDeck, before: ModelDeck, source: FrameDeck
 ) -> tuple[list[tuple[Oriented, Oriented]], list[Piece], list[Variant], list[int]]:
     """Return the bars that differ, their pieces, the changed properties, and bars that are lost."""
-    by_bar = _pieces_by_bar(after, source, used)
+    by_bar, used = _pieces_by_bar(after, source), _used(after)
     axes = bar_axes(after), bar_axes(before)
     kinds: list[tuple[int, BarProperty, set[int]]] = []
     rows: list[tuple[Oriented, Oriented]] = []
@@ -518,12 +530,12 @@ def _changed_bars(
             continue
         for i, part in enumerate(parts):
             rows.append((part[0], part[-1]))
-            pieces.append(Piece(s, i == 0, len(parts) == 1, joined, which[i]))
+            pieces.append(Piece(s, i == 0, joined, which[i]))
     for k in range(len(after.bars.numbers)):
         if k not in seen:
             new = after.properties[after.bars.properties[k]]
             rows.append(((k, False), (k, False)))
-            pieces.append(Piece(-1, True, True, True, _kind(kinds, -1, new, -1)))
+            pieces.append(Piece(-1, True, True, _kind(kinds, -1, new, -1)))
     total = Counter(source.bars.properties.tolist())
     variants = []
     for kind, new, bars in kinds:
@@ -627,7 +639,7 @@ def same_property(a: BarProperty, b: BarProperty) -> bool:
 
 
 def _materials(
-    source: FrameDeck, before: ModelDeck, variants: Sequence[Variant], pieces: Sequence[Piece]
+    source: FrameDeck, variants: Sequence[Variant], pieces: Sequence[Piece]
 ) -> dict[str, Material]:
     """Return the values that most bars of a material have, where no bar has the source's any longer."""
     of_bar: dict[int, list[Material | None]] = defaultdict(list)

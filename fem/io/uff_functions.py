@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFError, FRFKind
 from fem.array_types import Floats
 from fem.io.faults import error_at, refuse
+from fem.io.frf_labels import matrix_of
 from fem.io.uff_format import UffBlock, UffError, label_of, parse_label
 from fem.io.uff_nodes import UffNodes
 from fem.io.uff_numbers import integer, integer_of, number_of, real, text_at, tokens
@@ -453,8 +454,7 @@ def _complete_parts(cells: dict[tuple[str, str], Function]) -> list[tuple[list[s
 
 
 def _holes(cells: dict[tuple[str, str], Function], n_parts: int) -> str:
-    outputs, inputs = (list(dict.fromkeys(pair[k] for pair in cells)) for k in (0, 1))
-    holes = [f"{o}/{i}" for i in inputs for o in outputs if (o, i) not in cells]
+    outputs, inputs, holes = matrix_of(cells)
     more = f" and {len(holes) - 5} more" if len(holes) > 5 else ""
     return (
         f"the FRF matrix of {len(outputs)} responses and {len(inputs)} forces lacks "

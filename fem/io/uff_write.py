@@ -32,7 +32,6 @@ _NUMERATOR = {
     FRFKind.MOBILITY: (11, "Velocity", "m/s", "rad/s"),
     FRFKind.ACCELERANCE: (12, "Acceleration", "m/s^2", "rad/s^2"),
 }
-_STRAIN = (3, "Strain", "m/m", "m/m")
 
 
 def write_uff(
@@ -277,11 +276,16 @@ def _records(frf: FRF, binary: bool, double: bool, dofs: Mapping[str, str]) -> l
             payload = _payload(values, binary, double, bool(step))
             strain = response in frf.strain
             head = _function_head(frf, ends, double, start, step, reference in frf.base, strain)
-            kind = f"{58:6d}"
-            if binary:
-                kind += f"b{1:6d}{2:6d}{11:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
-            records.append(f"{_MARK}{kind}\n{head}".encode() + payload + _MARK.encode())
+            records.append(_framed(head, payload, binary))
     return records
+
+
+def _framed(head: str, payload: bytes, binary: bool) -> bytes:
+    """Return a dataset 58 or 58b of its header and its values."""
+    kind = f"{58:6d}"
+    if binary:
+        kind += f"b{1:6d}{2:6d}{11:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+    return f"{_MARK}{kind}\n{head}".encode() + payload + _MARK.encode()
 
 
 def _function_record(f: "Function", binary: bool, double: bool) -> bytes:
@@ -312,11 +316,7 @@ def _function_record(f: "Function", binary: bool, double: bool) -> bytes:
             _axis(0, "NONE", "NONE"),
         ]
     )
-    payload = _payload(values, binary, double, bool(step))
-    kind = f"{58:6d}"
-    if binary:
-        kind += f"b{1:6d}{2:6d}{11:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
-    return f"{_MARK}{kind}\n{head}".encode() + payload + _MARK.encode()
+    return _framed(head, _payload(values, binary, double, bool(step)), binary)
 
 
 def _dof(label: str, dofs: Mapping[str, str]) -> tuple[int, int]:
@@ -383,7 +383,7 @@ def _function_head(
     strain: bool,
 ) -> str:
     (node, direction), (reference, sense) = ends
-    kind, word, unit, turned = _STRAIN if strain else _NUMERATOR[frf.kind]
+    kind, word, unit, turned = (3, "Strain", "m/m", "m/m") if strain else _NUMERATOR[frf.kind]
     moment = abs(sense) > 3
     below = (13, "Moment" if moment else "Force", "N*m" if moment else "N")
     if driven:

@@ -36,8 +36,6 @@ _LENGTHS = {
     "mil": 2.54e-5,
     "mils": 2.54e-5,
 }
-_GRAVITIES = {"g": G0, "gs": G0, "gn": G0, "mg": 1e-3 * G0, "gal": 1e-2}
-_ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}
 _STRAINS = {
     "%": 0.01,
     "strain": 1.0,
@@ -101,10 +99,10 @@ NUMBER, FORCE, LENGTH, MOMENT = (0, 0, 0, 0), (1, 0, 0, 0), (0, 1, 0, 0), (1, 1,
 _DIMENSIONS: tuple[tuple[dict[str, float], Dimension], ...] = (
     (_FORCES, FORCE),
     (_LENGTHS, LENGTH),
-    (_GRAVITIES, (0, 1, -2, 0)),
+    ({"g": G0, "gs": G0, "gn": G0, "mg": 1e-3 * G0, "gal": 1e-2}, (0, 1, -2, 0)),
     (_TIMES, (0, 0, 1, 0)),
     ({"hz": 1.0, "khz": 1e3}, (0, 0, -1, 0)),
-    (_ANGLES, (0, 0, 0, 1)),
+    ({"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "°": np.pi / 180}, (0, 0, 0, 1)),
     ({"kg": 1.0}, (1, -1, 2, 0)),
     (_STRAINS, NUMBER),
 )

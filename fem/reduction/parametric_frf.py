@@ -414,7 +414,8 @@ class ParametricFRF:
                 # effects in series share what one of them is in the model with this step
                 if (model, i) not in stepped:
                     stepped[model, i] = model.with_values({self.refs[i]: float(values[i]) + 1j * STEP})
-                slopes.append((i, self.restrict(self.reduced.slope_in(now, stepped[model, i]))))
+            each = self.reduced.slopes_in(now, model, {self.refs[i]: stepped[model, i] for i in others})
+            slopes += zip(others, map(self.restrict, each), strict=True)
         return slopes
 
     def _now(self, effect: Effect, rows: Sequence[int], values: NDArray[np.float64]) -> Effect:

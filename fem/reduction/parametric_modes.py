@@ -11,6 +11,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from fem.model import Effect, ParameterRef
+from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import Lacking, ReducedModel
 from fem.reduction.terms import ReducedTerm
@@ -164,7 +165,9 @@ class ParametricModes:
         self.engine = ParametricFRF(
             reduced, outputs, outputs[:, :0], frequency, refs, candidates, release, projected=True
         )
-        self._last: tuple[bytes, list[ReducedTerm]] | None = None
+        # Modes and slopes are asked for one after the other, by fits that weight readings differently too.
+        self._last = Recent(1)
+        self._terms = Recent(1)
 
     def at(self, values: Floats, zeta: Floats) -> "ModesAt":
         """Return the modes at some values.
@@ -175,18 +178,23 @@ class ParametricModes:
         zeta : ndarray (n,) or (2, n)
             Damping ratio at each frequency, and that of connections if it is another [-].
         """
-        engine, values = self.engine, np.asarray(values, dtype=float)
+        values = np.asarray(values, dtype=float)
+        key = values.tobytes(), zeta.tobytes()
+        out: ModesAt = self._last.get(key, lambda: self._at(values, np.atleast_2d(zeta)))
+        return out
+
+    def _at(self, values: Floats, zeta: Floats) -> "ModesAt":
+        engine = self.engine
         total, alone = engine.matrices(values)
-        self._last = values.tobytes(), alone
+        self._terms.put(values.tobytes(), alone)
         columns = np.eye(engine.reduced.basis.T.shape[1])[:, engine.active]
-        at = ModesAt(engine.reduced, engine.omega, np.atleast_2d(zeta), total, engine.outputs, columns)
+        at = ModesAt(engine.reduced, engine.omega, zeta, total, engine.outputs, columns)
         return at if self._constant is None else at.with_term(self._constant)
 
     def slopes(self, values: Floats) -> list[tuple[int, ReducedTerm]]:
         """Return the derivatives of the matrices by parameters, with these."""
         values = np.asarray(values, dtype=float)
-        known = self._last is not None and self._last[0] == values.tobytes()
-        alone = self._last[1] if known and self._last else self.engine.matrices(values)[1]
+        alone = self._terms.get(values.tobytes(), lambda: self.engine.matrices(values)[1])
         return self.engine.slopes(values, alone)
 
 
@@ -360,37 +368,48 @@ class ModesAt:
         for i, _, mode in modes:
             factors["M"][i] = -mode.eigenvalue
         x = np.stack([mode.vector for _, _, mode in modes], axis=1)
+        mixing = self._mixing(modes)
         by = np.zeros((n, len(modes)), dtype=complex)
-        others = [self.pairs(i) for i, _, _ in modes]
-        like = all(p is others[0] for p in others)
-        V = others[0].vectors
-        moved = np.zeros((n, *x.shape), dtype=complex)  # forces in modal coordinates
+        shapes = np.zeros((len(modes), n, self.outputs.shape[1]), dtype=complex)
+        places: dict[Any, tuple[Floats | None, list[tuple[int, NDArray[Any], NDArray[Any]]]]] = {}
         for p, term in terms:
-            P = None if term.L is None else term.L @ V
-            u = x if term.L is None else term.L @ x
-            for factor, X in term.parts(factors, omega):
-                force, size = X @ u, factor[at]  # real where damping is followed to the first order
-                by[p] += (u * force).sum(axis=0) * size
-                if not self.outputs.shape[1]:
-                    continue
-                if like:
-                    moved[p] += ((V if P is None else P).T @ force) * size
-                    continue
-                for c, pairs in enumerate(others):
-                    spread = force[:, c] if term.L is None else term.L.T @ force[:, c]
-                    moved[p, :, c] += (pairs.vectors.T @ spread) * size[c]
-        shapes = []
-        for c, (_, k, _) in enumerate(modes):
-            lam = others[c].eigenvalues
+            key = id(term.L) if term.L is None or term.dofs is None else term.dofs.tobytes()
+            _, parts = places.setdefault(key, (term.L, []))
+            parts += [(p, factor, X) for factor, X in term.parts(factors, omega)]
+        for L, parts in places.values():
+            if not parts:
+                continue
+            u = x if L is None else L @ x
+            # one product each for large matrices: to stack them would cost more
+            each = np.array([X @ u for *_, X in parts]) if L is None else np.array([X for *_, X in parts]) @ u
+            each = each * np.array([factor for _, factor, _ in parts])[:, None, at]
+            order = np.argsort([p for p, _, _ in parts], kind="stable")
+            rows, first = np.unique([parts[k][0] for k in order], return_index=True)
+            forces = np.add.reduceat(each[order], first, axis=0)
+            by[rows] += (u * forces).sum(axis=1)
+            if not self.outputs.shape[1]:
+                continue
+            moved = (mixing if L is None else mixing @ L.T).transpose(0, 2, 1)
+            forces = np.ascontiguousarray(forces.transpose(2, 0, 1))
+            shapes[:, rows] += forces.real @ moved + 1j * (forces.imag @ moved)
+        return by, list(shapes)
+
+    def _mixing(self, modes: Sequence[tuple[int, int, DampedMode]]) -> Floats:
+        """Return what unit forces on the coordinates add to the shapes of modes at the outputs.
+
+        By the other modes alone, (n_modes, n_out, r).
+        """
+        out = np.empty((len(modes), *self.outputs.shape[::-1]))
+        for c, (i, k, _) in enumerate(modes):
+            pairs = self.pairs(i)
+            lam = pairs.eigenvalues
             # Eigenvalues nearer than this, relatively, have derivatives of their shapes as if this far apart
             # [-]
             apart, near = lam[k] - lam, (1e-4 * lam[k]) ** 2
             weight = apart / (apart**2 + near)
             weight[k] = 0.0
-            mixed = others[c].shapes * weight
-            real, imag = np.real(moved[:, :, c]), np.imag(moved[:, :, c])
-            shapes.append(real @ mixed.T + 1j * (imag @ mixed.T))
-        return by, shapes
+            out[c] = (pairs.shapes * weight) @ pairs.vectors.T
+        return out
 
     def by_zeta(self, i: int, mode: DampedMode) -> Complexes:
         """Return dλ by the damping ratio at a frequency, and by that of connections, (1,) or (2,)."""

@@ -50,7 +50,7 @@ _LACKING = 1e-8
 
 _ALL = slice(None)
 _NONE: Mapping[ParameterRef, float] = MappingProxyType({})
-_UNITS, _LOCAL = 64, 2000
+_UNITS, _LOCAL = 64, 10_000
 """Effects whose matrices are kept: of those that act on much of the model, and of those on few DOFs."""
 
 
@@ -68,12 +68,15 @@ class FullModelResults:
         By DOFs and motions: flexibility to forces there, without the modes of the basis.
     sums : dict
         By effect: tables of those whose matrices are sums over their parameters.
+    local : Unsent
+        Of effects on few DOFs, by all their fields but one or none: their terms without L.
     """
 
     exponents: dict[tuple[str, ParameterRef], Mapping[str, int] | None] = field(default_factory=dict)
     matrices: dict[tuple[str, str], Any] = field(default_factory=dict)
     flexibility: dict[tuple[bytes, bytes], NDArray[np.float64]] = field(default_factory=dict)
     sums: dict[str, Sums] = field(default_factory=dict)
+    local: Unsent = field(default_factory=lambda: Unsent(_LOCAL))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,10 +126,9 @@ class ReducedModel:
     _terms: dict[tuple[str, str], ReducedTerm] = field(default_factory=dict, init=False, repr=False)
     # Of effects of the model that are sums over their parameters: the fixed matrices of these.
     _summed: dict[str, NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
-    # Of any effects, by all their fields: projected matrices; by all but one: those for a unit of that one.
+    # Of effects that act on much of the model, by all their fields: projected matrices; by all but one: those
+    # for a unit of that one.
     _units: Unsent = field(default_factory=lambda: Unsent(_UNITS), init=False, repr=False)
-    # The same of those on few DOFs.
-    _local: Unsent = field(default_factory=lambda: Unsent(_LOCAL), init=False, repr=False)
     # Of vectors on all DOFs, by keys of the caller.
     _projected: Recent = field(default_factory=lambda: Recent(_VECTORS), init=False, repr=False)
     # Of forces, by DOFs and motions.
@@ -411,11 +413,19 @@ class ReducedModel:
 
     def _kept(self, key: Hashable, make: Callable[[], ReducedTerm]) -> ReducedTerm:
         """Return a projection that is made once, unless its key is None; of few DOFs more are kept."""
-        term: ReducedTerm | None = None if key is None else self._units.find(key) or self._local.find(key)
-        if term is None:
-            term = make()
-        if key is not None:
-            (self._units if term.L is None else self._local).put(key, term)
+        if key is None:
+            return make()
+        known: ReducedTerm | None = self._units.find(key)
+        if known is not None:
+            return self._units.put(key, known)
+        if (known := self.full.local.find(key)) is not None and known.dofs is not None:
+            self.full.local.put(key, known)
+            return replace(known, L=self._rows(known.dofs))
+        term = make()
+        if term.L is None:
+            return self._units.put(key, term)
+        # The matrices of few DOFs do not depend on the basis: extended bases share them.
+        self.full.local.put(key, replace(term, L=None))
         return term
 
     def follows(self, effect: Effect) -> tuple[ParameterRef, ...]:
@@ -496,9 +506,12 @@ class ReducedModel:
         step = {parameter: value + 1j * STEP}
         return self._of(effect, model.parts_of(effect.with_values(**step)), True)
 
-    def slope_in(self, effect: Effect, stepped: Model) -> ReducedTerm:
-        """Project an effect's derivative by a parameter that has a complex step in a model."""
-        return self._of(effect, stepped.parts_of(effect), True)
+    def slopes_in(
+        self, effect: Effect, model: Model, stepped: Mapping[ParameterRef, Model]
+    ) -> list[ReducedTerm]:
+        """Project derivatives by parameters of others, each with a complex step in a model."""
+        steps = effect.steps_by_others(model, stepped)
+        return [self._of(effect, model.resisted(each), True) for each in steps]
 
     def with_values(self, model: Model, values: Mapping[ParameterRef, float]) -> Model:
         """Return a model of the same effects, or of more, with values that differ from its present ones.

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.materials import PropertyError
 from fem.sections.walls import Walls
 
@@ -64,7 +64,7 @@ class SectionConstants:
     J: float
     ky: float = 0.0
     kz: float = 0.0
-    outlines: tuple[NDArray[np.float64], ...] = ()
+    outlines: tuple[Floats, ...] = ()
     label: str = ""
     Ip: float = 0.0
     shape: str = ""

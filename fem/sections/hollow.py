@@ -28,13 +28,7 @@ class HollowShapes(SectionConstants):
         J = 4 Am² t / p + p t³ / 3, with the area Am within the wall's centre line and its length p
         (EN 10210-2, annex A); k after Cowper 1966 for thin walls along the centre line.
         """
-        check_positive("hollow rectangle", b=b, h=h, t=t)
-        if 2 * t >= min(b, h):
-            msg = (
-                f"hollow rectangle: the wall t = {t:g} m fills the section {b:g} x {h:g} m; "
-                "t must be below half of it"
-            )
-            raise PropertyError(msg)
+        _check_wall("hollow rectangle", b, h, t)
         check_radius("hollow rectangle", r, min(b, h) / 2)
         ri, middle = max(r - t, 0.0), max(r - t / 2, 0.0)
         bi, hi, bm, hm = b - 2 * t, h - 2 * t, b - t, h - t
@@ -84,13 +78,7 @@ class HollowShapes(SectionConstants):
         J by Bredt along the middle ellipse (Roark, *Formulas for Stress and Strain*, table of torsion), plus
         p t³ / 3; k from the shear flow in the wall (`fem.sections.walls`): thin walls.
         """
-        check_positive("hollow ellipse", b=b, h=h, t=t)
-        if 2 * t >= min(b, h):
-            msg = (
-                f"hollow ellipse: the wall t = {t:g} m fills the section {b:g} x {h:g} m; "
-                "t must be below half of it"
-            )
-            raise PropertyError(msg)
+        _check_wall("hollow ellipse", b, h, t)
         bi, hi = b - 2 * t, h - 2 * t
         middle = ring(b - t, h - t, 96)
         inner, outer = ring(bi, hi, 96), ring(b, h, 96)
@@ -145,6 +133,13 @@ class HollowShapes(SectionConstants):
             walls=_ring_of_walls(middle, t),
             **shape_fields("hollow_polygon", n=sides, d=d, t=t),
         )
+
+
+def _check_wall(shape: str, b: float, h: float, t: float) -> None:
+    check_positive(shape, b=b, h=h, t=t)
+    if 2 * t >= min(b, h):
+        msg = f"{shape}: the wall t = {t:g} m fills the section {b:g} x {h:g} m; t must be below half of it"
+        raise PropertyError(msg)
 
 
 def _ring_of_walls(corners: Floats, thickness: Floats | float) -> Walls:

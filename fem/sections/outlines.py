@@ -139,7 +139,7 @@ def closed_polygon(outline: ArrayLike) -> Floats:
     return points
 
 
-def with_arcs(outline: ArrayLike, radii: Sequence[float], pieces: int = 5) -> Floats:
+def with_arcs(outline: ArrayLike, radii: Sequence[float]) -> Floats:
     """Return a polygon with arcs instead of its corners, for drawing.
 
     Parameters
@@ -157,7 +157,7 @@ def with_arcs(outline: ArrayLike, radii: Sequence[float], pieces: int = 5) -> Fl
             continue
         a, b = before / np.linalg.norm(before), after / np.linalg.norm(after)
         centre = p + radius * (a + b)  # square corners
-        for phi in np.linspace(0, np.pi / 2, pieces):
+        for phi in np.linspace(0, np.pi / 2, 5):
             out.append(centre - radius * (b * np.cos(phi) + a * np.sin(phi)))
     return np.array(out)
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.materials import PropertyError
 
 
@@ -28,7 +28,7 @@ class Warping(NamedTuple):
     shear_centre: tuple[float, float]
 
 
-def warping_constants(outlines: Sequence[NDArray[np.float64]], nu: float, n_triangles: int) -> Warping:
+def warping_constants(outlines: Sequence[Floats], nu: float, n_triangles: int) -> Warping:
     """Return torsion constant, shear areas and shear centre of a polygon with holes.
 
     Parameters

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.analysis.receptance import LOCAL_DAMPING, locals_of
 from fem.analysis.selection import Selection, dof_vectors
+from fem.array_types import Complexes, Floats
 from fem.linalg.solvers import SingularMatrixError, factorise
 from fem.model import ParameterRef
 from fem.reduction.parametric_frf import ParametricFRF
@@ -37,7 +38,7 @@ class FRFSensitivity:
 
     refs: tuple[ParameterRef, ...]
     frf: FRF
-    dH: NDArray[np.complex128]
+    dH: Complexes
 
     __repr__ = fields_summary
 
@@ -104,7 +105,7 @@ def differentiate_frf(
     return FRFSensitivity(refs, frf, dH * factor)
 
 
-def _local_forces(n_dof: int, derivatives: Sequence[tuple[MatrixDerivative, ...]]) -> NDArray[np.float64]:
+def _local_forces(n_dof: int, derivatives: Sequence[tuple[MatrixDerivative, ...]]) -> Floats:
     """Return an orthonormal basis (n_dof, n) of the forces of parameters that touch few DOFs.
 
     Motions there become responses to forces of the basis, as accurate as the outputs'. Parameters come in
@@ -131,12 +132,8 @@ def _local_forces(n_dof: int, derivatives: Sequence[tuple[MatrixDerivative, ...]
 
 
 def _direct_slopes(
-    system: System,
-    frequency: NDArray[np.float64],
-    out: NDArray[np.float64],
-    inn: NDArray[np.float64],
-    refs: tuple[ParameterRef, ...],
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    system: System, frequency: Floats, out: Floats, inn: Floats, refs: tuple[ParameterRef, ...]
+) -> tuple[Complexes, Complexes]:
     model = system.model
     if model.damping.ratio.any():
         msg = (
@@ -164,12 +161,8 @@ def _direct_slopes(
 
 
 def _reduced_slopes(
-    system: System,
-    frequency: NDArray[np.float64],
-    out: NDArray[np.float64],
-    inn: NDArray[np.float64],
-    refs: tuple[ParameterRef, ...],
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    system: System, frequency: Floats, out: Floats, inn: Floats, refs: tuple[ParameterRef, ...]
+) -> tuple[Complexes, Complexes]:
     model = system.model
     now = model.values()
     parts = [differentiate_matrices(model, ref) for ref in refs]

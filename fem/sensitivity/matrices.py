@@ -7,8 +7,8 @@ neither truncation nor cancellation is left. Constraints do not depend on parame
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Array, Contribution, Law, Model, ModelError, ParameterRef, parameter_values
 
 _STEP = 1e-200
@@ -30,15 +30,15 @@ class MatrixDerivative:
         (b, m, m) that it multiplies.
     """
 
-    dofs: NDArray[np.int64]
-    K: NDArray[np.float64] | None
-    M: NDArray[np.float64] | None
-    C: NDArray[np.float64] | None
-    D: NDArray[np.float64] | None
+    dofs: Ints
+    K: Floats | None
+    M: Floats | None
+    C: Floats | None
+    D: Floats | None
     law: Law | None = None
     stiffness: Array | None = None
 
-    def dynamic_stiffness(self, model: Model, omega: float) -> NDArray[np.complex128]:
+    def dynamic_stiffness(self, model: Model, omega: float) -> Complexes:
         """Return dZ(ω) of the elements, (b, m, m), with the structure's Rayleigh and structural damping."""
         damping = model.damping
         factors = (
@@ -114,6 +114,6 @@ def finite_value(model: Model, ref: ParameterRef) -> float:
     return values[parameter]
 
 
-def _kept(part: Contribution, rows: NDArray[np.bool_]) -> Array:
+def _kept(part: Contribution, rows: Bools) -> Array:
     assert part.K is not None
     return part.K[rows]

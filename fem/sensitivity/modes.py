@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
 
 from fem.analysis.modes import Eigenpairs, Modes, solve_eigenpairs
 from fem.analysis.selection import Selection, dof_vectors
+from fem.array_types import Floats, Ints
 from fem.model import Array, ModelError, ParameterRef
 from fem.sensitivity.matrices import MatrixDerivative, differentiate_matrices, finite_value
 from fem.summary import fields_summary
@@ -44,11 +44,11 @@ class ModeSet:
         S = Φᵀ dK Φ - ½ (Λ Φᵀ dM Φ + Φᵀ dM Φ Λ), the derivative of ΦᵀKΦ on the M-orthonormal basis Φ.
     """
 
-    modes: NDArray[np.int64]
-    eigenvalues: NDArray[np.float64]
-    matrix: NDArray[np.float64]
+    modes: Ints
+    eigenvalues: Floats
+    matrix: Floats
 
-    def frequencies_after(self, parameter: int, step: float) -> NDArray[np.float64]:
+    def frequencies_after(self, parameter: int, step: float) -> Floats:
         """Return the set's frequencies after a step of one parameter, rising, shape (s,) [Hz].
 
         Those of Λ + step · S: the error is of the order of step², however close the modes are.
@@ -90,15 +90,15 @@ class ModeSensitivity:
 
     refs: tuple[ParameterRef, ...]
     modes: Modes
-    eigenvalue: NDArray[np.float64]
-    shapes: NDArray[np.float64] | None
+    eigenvalue: Floats
+    shapes: Floats | None
     sets: tuple[ModeSet, ...]
     error: float
 
     __repr__ = fields_summary
 
     @property
-    def frequency(self) -> NDArray[np.float64]:
+    def frequency(self) -> Floats:
         """Derivatives of the natural frequencies, shape (n_par, n) [Hz per unit of the parameter].
 
         Rigid-body modes have none, but a derivative of ω²: here it is NaN.
@@ -241,24 +241,18 @@ class _Complement:
     error : float
     """
 
-    vectors: NDArray[np.float64]
-    U: NDArray[np.float64]
-    gain: NDArray[np.float64]
+    vectors: Floats
+    U: Floats
+    gain: Floats
     error: float
 
-    def solve(self, load: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, load: Floats) -> Floats:
         """Return the coordinates of the solutions on W for loads Wᵀ b, one for each mode, (w, n)."""
         return self.U @ (self.gain * (self.U.T @ load))
 
 
 def _complement(
-    system: System,
-    pairs: Eigenpairs,
-    b: NDArray[np.float64],
-    lam: NDArray[np.float64],
-    each: bool,
-    close: float,
-    tolerance: float,
+    system: System, pairs: Eigenpairs, b: Floats, lam: Floats, each: bool, close: float, tolerance: float
 ) -> _Complement:
     """Build the basis for loads b (n_free, k) and all eigenvalues (n,), or each load with one (k = n).
 
@@ -304,13 +298,7 @@ def _complement(
     return _Complement(space[:k].T, U, 1 / (1 - shift * g[:, None]), errors[-1])
 
 
-def _orthonormal(
-    A: Array,
-    V: NDArray[np.float64],
-    MV: NDArray[np.float64],
-    W: NDArray[np.float64],
-    block: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def _orthonormal(A: Array, V: Floats, MV: Floats, W: Floats, block: Floats) -> Floats:
     """Return the new directions of a block, A-orthonormal and A-orthogonal to V and W."""
     before = np.sqrt(np.maximum(np.einsum("ij,ij->j", block, A @ block), 0.0))
     block = np.asfortranarray(block[:, before > 0] / before[before > 0])
@@ -325,14 +313,7 @@ def _orthonormal(
     return block
 
 
-def _residual_error(
-    G: NDArray[np.float64],
-    coupling: NDArray[np.float64],
-    gram: NDArray[np.float64],
-    b: NDArray[np.float64],
-    shift: NDArray[np.float64],
-    each: bool,
-) -> float:
+def _residual_error(G: Floats, coupling: Floats, gram: Floats, b: Floats, shift: Floats, each: bool) -> float:
     """Return the largest relative error of Galerkin's solutions z, from their residual in the next block N.
 
     e = (I - (λ - σ) A⁻¹M)⁻¹ N d, with the residual's coordinates d; in the norm of M that is at most ‖N d‖
@@ -350,13 +331,13 @@ def _residual_error(
     return float((error.max(axis=0) / np.maximum(size.max(axis=0), 1e-300)).max())
 
 
-def _groups(lam: NDArray[np.float64], close: float) -> list[NDArray[np.int64]]:
+def _groups(lam: Floats, close: float) -> list[Ints]:
     """Return the modes in sets whose neighbours differ by less than a relative distance."""
     apart = np.flatnonzero(np.diff(lam) > close * lam[1:]) + 1
     return np.split(np.arange(len(lam)), apart)
 
 
-def _complete_sets(groups: list[NDArray[np.int64]], n: int, complete: bool) -> int:
+def _complete_sets(groups: list[Ints], n: int, complete: bool) -> int:
     """Return the number of modes with which the set of the n-th ends.
 
     Raise an error if modes that were not computed may belong to it.
@@ -371,9 +352,7 @@ def _complete_sets(groups: list[NDArray[np.int64]], n: int, complete: bool) -> i
     return int(last[-1]) + 1
 
 
-def _projected(
-    parts: Sequence[MatrixDerivative], basis: NDArray[np.float64], n: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _projected(parts: Sequence[MatrixDerivative], basis: Floats, n: int) -> tuple[Floats, Floats]:
     """Return Tᵀ dK Φ and Tᵀ dM Φ, (t, n), Φ the first n columns of T (n_dof, t)."""
     out = np.zeros((2, basis.shape[1], n))
     for part in parts:
@@ -387,9 +366,7 @@ def _projected(
     return out[0], out[1]
 
 
-def _forces(
-    parts: Sequence[MatrixDerivative], shapes: NDArray[np.float64], lam: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _forces(parts: Sequence[MatrixDerivative], shapes: Floats, lam: Floats) -> Floats:
     """Return -(dK - λ dM) φ on all DOFs, (n_dof, n)."""
     out = np.zeros_like(shapes)
     for part in parts:
@@ -401,13 +378,7 @@ def _forces(
     return out
 
 
-def _modal_factors(
-    f: NDArray[np.float64],
-    PM: NDArray[np.float64],
-    lam: NDArray[np.float64],
-    n: int,
-    groups: list[NDArray[np.int64]],
-) -> NDArray[np.float64]:
+def _modal_factors(f: Floats, PM: Floats, lam: Floats, n: int, groups: list[Ints]) -> Floats:
     """Return c (m, n) with dφ_j = Σ φ_k c_kj + z_j."""
     gap = lam[:, None] - lam[None, :n]
     same_group = np.zeros(gap.shape, dtype=bool)
@@ -416,7 +387,7 @@ def _modal_factors(
     return np.where(same_group, -PM / 2, f / np.where(same_group, 1.0, gap))
 
 
-def _split(lam: NDArray[np.float64], S: NDArray[np.float64]) -> NDArray[np.float64]:
+def _split(lam: Floats, S: Floats) -> Floats:
     """Return the derivatives of a set's eigenvalues: the diagonal of S, its eigenvalues where they repeat."""
     out = np.empty(len(lam))
     for g in _groups(lam, _EQUAL):

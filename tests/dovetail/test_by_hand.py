@@ -1,6 +1,7 @@
 """Effects added by hand: by the command line, from Python, and in the study file; the list of candidates."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -103,6 +104,21 @@ def test_a_saved_study_has_the_error_of_the_command(file, study, capsys):
     assert compared(capsys, file.with_name("saved.toml"))["error_db"] == pytest.approx(
         command["error_db"], rel=1e-9
     )
+
+
+def test_a_saved_fit_is_exported_as_that_of_a_run(file, study, capsys):
+    """The file has the deviations: the mass is put at a node, and values fitted beside it stay."""
+    study.add("point_mass:arm", mass=0.1, position=0.2).fit().save(file.with_name("fitted.toml"))
+    saved = dovetail.load_study(file.with_name("fitted.toml"))
+    assert saved.estimates["point_mass:arm.position"].std > 0
+    assert saved.estimates["frame.E:steel"].before == 210e9 != saved.model.values()["frame", "E:steel"]
+    wide = re.sub(r'("point_mass:arm.position" = { std =) [^ ]+', r"\1 0.05", saved.text)
+    file.with_name("fitted.toml").write_text(wide)
+    cards = file.with_name("cards.bdf")
+    assert main(["export", str(saved.path), "--effects-only", "--nastran", str(cards)]) == 0
+    assert re.search(r"as before the fit: .*frame E:steel", capsys.readouterr().out)
+    assert "CONM2*" in cards.read_text()
+    assert not re.search(r"^(GRID|CBEAM|CBAR|MAT1|PBEAM)", cards.read_text(), re.MULTILINE)
 
 
 def test_the_printed_line_names_the_added_effect(file, capsys):

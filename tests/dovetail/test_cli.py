@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 import warnings
 from pathlib import Path
 
@@ -503,3 +504,23 @@ def test_a_misspelt_command_names_the_nearest(capsys):
     assert (
         "there is no command 'diagnoze'; did you mean 'diagnose'? allowed are new" in capsys.readouterr().err
     )
+
+
+def test_new_study_states_each_tolerance_that_it_assumes(tmp_path):
+    assert main(["new", str(tmp_path / "new")]) == 0
+    path = tmp_path / "new" / "study.toml"
+    head, rest = path.read_text(encoding="utf-8").split("[uncertain]")
+    tolerances, _ = rest.split("# [candidates]")
+    path.write_text(head, encoding="utf-8")
+    assumed = load_study(path)
+    stated_lines = tolerances.replace("\n# ", "\n")
+    path.write_text(f"{head}[uncertain]{stated_lines}", encoding="utf-8")
+    stated = load_study(path)
+    table = tomllib.loads(stated.text)
+    assert set(table["uncertain"]) == {"E", "rho", "joints", "parts", "shear", "damping"}
+    assert set(table["form"]) == {"mass", "bending", "torsion", "shear"}
+    assert not any("default standard deviations" in note for note in stated.assumptions)
+    assert any("default standard deviations" in note for note in assumed.assumptions)
+    assert stated.nuisances == assumed.nuisances
+    assert stated.damping_std == assumed.damping_std
+    assert stated.channel_errors.std == pytest.approx(assumed.channel_errors.std)

@@ -145,6 +145,23 @@ def test_members_that_touch_are_welded_or_not(tmp_path):
     assert not bar & post
 
 
+def test_names_of_one_place_on_a_member_are_of_one_point(tmp_path):
+    """Two members that end there under different names are welded to it, and to each other."""
+    ends = "P = [0.4, 0, 0]\nQ = [0.4, 0, 0]\nC = [0.4, 0.5, 0]\nD = [0.4, -0.5, 0]"
+    text = BEAM.replace("B = [1, 0, 0]", f"B = [1, 0, 0]\n{ends}")
+    for name, first, last in (("left", "P", "C"), ("right", "Q", "D")):
+        text += f'[members.{name}]\nfrom = "{first}"\nto = "{last}"\nsection = "flat"\n'
+    text += CLAMP + '[sections.flat]\nshape = "rectangle"\nb = 0.03\nh = 0.01\n'
+    mesh = load(tmp_path, text).model.mesh
+    assert mesh.point_names["P"] == mesh.point_names["Q"]
+    assert sum(mesh.point_names["P"] in mesh.member_points(m) for m in mesh.members) == 3
+    assert (np.linalg.norm(mesh.points[mesh.point_names["D"]] - [0.4, -0.5, 0])) == 0
+    apart = load(tmp_path, text + "[mesh]\nconnect = false\n").model.mesh
+    assert apart.point_names["P"] != apart.point_names["Q"]
+    with pytest.raises(StudyError, match=r"same point.*unless \[mesh\] has connect = false"):
+        load(tmp_path, text + '[[joints]]\npoint1 = "P"\npoint2 = "Q"\nk = {kx = 1e5}\n')
+
+
 def test_two_points_at_one_place_may_be_a_hinge(tmp_path):
     text = BEAM.replace("B = [1, 0, 0]", "B = [1, 0, 0]\nC = [1, 0, 0]\nD = [2, 0, 0]")
     text += (

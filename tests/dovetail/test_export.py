@@ -49,22 +49,17 @@ candidate = "point_mass:mast"
 mass = 0.5
 position = 0.66
 """
-RESULT = {
-    "effects": [
-        {
-            "name": "support_flexibility:foot.ry",
-            "parameters": [{"name": "stiffness", "value": 20000.0, "std": 400.0}],
-        }
-    ],
-    "uncertain": [{"name": "frame.E:steel", "unit": "Pa", "nominal": 210e9, "fitted": 200e9, "std": 1e9}],
-}
+ESTIMATES = """
+[estimates]
+"support_flexibility:foot.ry.stiffness" = { std = 400.0 }
+"frame.E:steel" = { before = 210e9, std = 1e9 }
+"""
 
 
 @pytest.fixture
 def found(tmp_path):
     path = tmp_path / "found.toml"
-    path.write_text(STUDY + EFFECTS)
-    (tmp_path / "result.json").write_text(json.dumps(RESULT))
+    path.write_text(STUDY + EFFECTS + ESTIMATES)
     return path
 
 
@@ -121,7 +116,7 @@ def test_the_whole_model_comes_back(found, tmp_path, option, suffix):
         ([], "no file is asked for; give --nastran FILE, --abaqus FILE, --ansys FILE or --uff FILE"),
         (
             ["--nastran", "out.bdf"],
-            "it has no [[effects]], and no result.json with fitted values is next to it",
+            "it has no [[effects]], and no fitted values in [estimates]",
         ),
         (["--uff", "out.txt"], "--uff out.txt is written as .uff or .unv, not '.txt'"),
     ],
@@ -135,10 +130,10 @@ def test_errors_are_one_line(tmp_path, monkeypatch, capsys, options, message):
     assert "\n" not in error
 
 
-def test_a_damaged_result_is_named(found, tmp_path, capsys):
-    (tmp_path / "result.json").write_text("{")
+def test_damaged_estimates_are_named(found, tmp_path, capsys):
+    found.write_text(found.read_text().replace("std = 1e9", "std = -1e9"))
     assert main(["export", str(found), "--nastran", str(tmp_path / "out.bdf")]) == 2
-    assert "result.json: it is no result of dovetail run" in capsys.readouterr().err
+    assert "estimates.frame.E:steel.std: -1000000000.0 is not allowed" in capsys.readouterr().err
 
 
 def test_measured_and_computed_modes_become_an_excel_table(tmp_path):

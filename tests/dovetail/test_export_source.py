@@ -211,6 +211,10 @@ def effect(candidate: str, **values: float) -> str:
     return f'\n[[effects]]\ncandidate = "{candidate}"\n{lines}'
 
 
+def estimates(entries: dict[str, str]) -> str:
+    return "\n[estimates]\n" + "".join(f"{json.dumps(name)} = {{ {of} }}\n" for name, of in entries.items())
+
+
 def in_table(text: str, header: str, line: str) -> str:
     """Return a study with a line in one of its tables."""
     if header in text:
@@ -337,11 +341,10 @@ def test_deck_that_includes_the_effects_alone_is_the_deck_with_the_effects(made,
     program, name, text = made
     study = Path("s/study.toml").read_text()
     Path("s/effects.toml").write_text(study + EFFECTS[case](Path("s")))
-    Path("s/found.toml").write_text(Path("s/effects.toml").read_text().replace("E = 210e9", "E = 199e9"))
-    of = load_study("s/found.toml").model.values()
-    (modulus,) = (f"{e}.{p}" for (e, p), value in of.items() if value == 199e9)
-    fitted = {"name": modulus, "nominal": 210e9, "fitted": 199e9, "std": 1e9, "unit": "Pa"}
-    Path("s/result.json").write_text(json.dumps({"uncertain": [fitted]}))
+    of = load_study("s/effects.toml").model.values()
+    (modulus,) = (f"{e}.{p}" for (e, p), value in of.items() if value == 210e9)
+    found_text = Path("s/effects.toml").read_text().replace("E = 210e9", "E = 199e9")
+    Path("s/found.toml").write_text(found_text + estimates({modulus: "before = 210e9, std = 1e9"}))
     cards = Path(f"cards{Path(name).suffix}")
     capsys.readouterr()
     assert main(["export", "s/found.toml", "--effects-only", f"--{program}", str(cards)]) == 0
@@ -364,10 +367,9 @@ def test_an_effect_is_at_a_node_that_is_as_near_as_its_position_is_known(found, 
     """Then one card is included and none replaced."""
     text = (found / "study.toml").read_text()
     mass = f"point_mass:{member(found, 'node 14', 'node 15')}"
-    (found / "found.toml").write_text(text + effect(mass, mass=0.7, position=0.126))
+    errors = estimates({f"{mass}.mass": "std = 0.01", f"{mass}.position": f"std = {std}"})
+    (found / "found.toml").write_text(text + effect(mass, mass=0.7, position=0.126) + errors)
     (found / "at_node.toml").write_text(text + effect(mass, mass=0.7, position=0.126 if divided else 0.125))
-    errors = [{"name": "mass", "std": 0.01}, {"name": "position", "std": std}]
-    (found / "result.json").write_text(json.dumps({"effects": [{"name": mass, "parameters": errors}]}))
     capsys.readouterr()
     words = ["--effects-only", "--nastran", "cards.bdf", "--merge", "merged.bdf"]
     assert main(["export", "s/found.toml", *words]) == 0
@@ -446,20 +448,17 @@ def test_matrices_that_a_merged_deck_is_read_without_are_named(found, capsys):
     assert "released" not in printed
 
 
-def test_fitted_forms_within_their_deviation_are_left_out(found, capsys):
+def test_form_beside_the_effects_is_that_of_the_report(found, capsys):
+    """Beyond its standard deviation a form may be as usual: no report names it, and no card is for it."""
     text = (found / "study.toml").read_text()
     form = f"section_form:{member(found, 'node 14', 'node 15')}"
-    (found / "found.toml").write_text(f'{text}\n[fitted_form]\n"{form}" = {{ A = 0.02, Iy = 0.03 }}\n')
-    stds = {"A": 0.05, "Iy": 0.01}
-    uncertain = [{"name": f"{form}.{p}", "nominal": 0.0, "fitted": 0.1, "std": s} for p, s in stds.items()]
-    (found / "result.json").write_text(json.dumps({"uncertain": uncertain}))
+    fitted = f'\n[fitted_form]\n"{form}" = {{ A = 0.08, Iy = 0.03 }}\n'
+    errors = {f"{form}.A": "std = 0.05", f"{form}.Iy": "std = 0.01, outside = true"}
+    (found / "found.toml").write_text(text + fitted + estimates(errors))
     assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
     printed = capsys.readouterr().out
     assert "Iy 0.030 ± 0.010" in printed
-    left_out = (
-        f"note: not in this file, fitted within a standard deviation of the value before: known {form} A"
-    )
-    assert left_out in printed
+    assert f"note: not in this file, form within its usual range: known {form} A" in printed
     assert not numbers(Path("cards.bdf").read_text(), "MAT1")  # A changes a section's mass by its density
     assert re.search(r"frequencies agree with those of the study to [\d.e-]+ %", printed)
 

@@ -11,6 +11,7 @@ import pytest
 from dovetail import StudyError, load_study, main
 from dovetail.file import fault_table, toml_value, with_damping, with_effects, with_parameters
 from dovetail.found import found_text
+from dovetail.result import UncertainValue
 from fem import FRF, ConnectionDamping, Damping, assemble, compute_frf, parameter_values, sum_contributions
 from fem.effects import JointStiffness, candidate_kinds
 from fem.io import read_csv, read_npz, read_uff
@@ -21,12 +22,13 @@ from tests.frames import STUDY, write_study
 from tests.studies import fit_problem
 from updating import DampingCurve, Fault, Measurement, sensor_rows
 from updating.diagnosis.begin import begin
+from updating.diagnosis.departures import Departure
 
 LINES = np.array([20.0, 47.0, 130.0, 290.0])
 """Frequencies at which the reported model and the one that was read are compared [Hz]."""
 
 
-def reported(study, effects, folder, faults=()):
+def reported(study, effects, folder, faults=(), uncertain=(), departed=()):
     """Return what a run reports: fitted values of all the model's parameters, damping and effects."""
     rng = np.random.default_rng(3)
     model = study.model
@@ -44,12 +46,14 @@ def reported(study, effects, folder, faults=()):
         problem=SimpleNamespace(damping=curve, data=SimpleNamespace(frequency=np.array([10.0, 300.0]))),
         steps=[SimpleNamespace(result=SimpleNamespace(values=values, zeta=zeta))],
         model=fitted,
-        findings=[SimpleNamespace(effect=e) for e in effects],
+        findings=[SimpleNamespace(effect=e, parameters=()) for e in effects if not e.is_form],
+        departures=[Departure(effect, parameter, "-", 0.9, 0.1, 0.3, 1.0) for effect, parameter in departed],
         baseline=None,
         faults=faults,
         channel_faults=(),
     )
-    return SimpleNamespace(study=study, diagnosis=diagnosis, folder=folder), fitted, curve, zeta
+    result = SimpleNamespace(study=study, diagnosis=diagnosis, folder=folder, uncertain=uncertain)
+    return result, fitted, curve, zeta
 
 
 def response(model, study, damping):
@@ -123,6 +127,26 @@ def test_a_study_that_was_found_has_seven_digits_and_its_form_in_one_table(tmp_p
     values = tomllib.loads(text)
     assert [e["candidate"].partition(":")[0] for e in values["effects"]] == ["crack"]
     assert {name.partition(":")[0] for name in values["fitted_form"]} == {"zone_form", "driver_form"}
+
+
+def test_estimates_state_the_form_that_the_report_states(tmp_path):
+    study = loaded(tmp_path, JOINTED)
+    bent = one_of_each(study)["section_form"].with_values(Iy=0.9, A=0.2)
+    E = UncertainValue("frame.E:steel", "Pa", 210e9, 205e9, 4e9, 1.23456e9, False)
+    uncertain = (
+        E,
+        *(UncertainValue(f"{bent.name}.{p}", "-", 0.0, 0.5, 0.3, 0.1, False) for p in ("Iy", "A")),
+    )
+    result, *_ = reported(study, [bent], tmp_path, uncertain=uncertain, departed=[(bent, "Iy")])
+    (tmp_path / "found.toml").write_text(found_text(result, tmp_path))
+    found = load_study(tmp_path / "found.toml")
+    assert '"frame.E:steel" = { before = 210e9, std = 1.23e9 }  # Pa' in found.text
+    assert [name for name, e in found.estimates.items() if e.outside] == [f"{bent.name}.Iy"]
+    # a later fit has other deviations, and its values began where the first fit left them
+    later, *_ = reported(found, [], tmp_path, uncertain=[replace(E, nominal=205e9, std=1e8)])
+    text = found_text(later, tmp_path)
+    assert text.count("[estimates]") == 1
+    assert tomllib.loads(text)["estimates"]["frame.E:steel"] == {"before": 210e9, "std": 1e8}
 
 
 def test_what_rounding_leaves_of_a_form_is_zero(tmp_path):

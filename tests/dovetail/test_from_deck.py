@@ -202,3 +202,37 @@ def test_a_structure_without_supports_is_noted_and_is_no_fault(tmp_path, capsys,
     for out in (new, check):
         assert words in out
         assert ("no supports are given" in out) == bool(words)
+
+
+@pytest.mark.parametrize("springs", ["CBUSH,5,5,2,3,,,,0", ""])
+def test_points_that_springs_join_are_no_fault(tmp_path, capsys, springs):
+    """Two springs between grid points at one place: only points that nothing joins are noted."""
+    cards = (
+        "SOL 103",
+        "CEND",
+        "SPC = 3",
+        "BEGIN BULK",
+        "PARAM,COUPMASS,1",
+        "MAT1,1,210000.,,0.3,7.85-9",
+        "PBARL,1,1,,BAR",
+        "+,20.,30.",
+        "GRID,1,,0.,0.,0.",
+        "GRID,2,,500.,0.,0.",
+        "GRID,3,,500.,0.,0.",
+        "GRID,4,,1000.,0.,0.",
+        "CBAR,1,1,1,2,0.,0.,1.",
+        "CBAR,2,1,3,4,0.,0.,1.",
+        springs,
+        springs.replace(",5,5,", ",6,6,"),
+        "PBUSH,5,K,1.+6,1.+6,1.+6",
+        "PBUSH,6,K,,,,1.+8,1.+8,1.+8",
+        "SPC1,3,123456,1",
+        "ENDDATA",
+    )
+    (tmp_path / "f.bdf").write_text("\n".join(cards))
+    study = str(tmp_path / "s" / "study.toml")
+    assert main(["new", str(tmp_path / "s"), "--from", str(tmp_path / "f.bdf"), "--units", "mm-t-s"]) == 0
+    assert main(["check", study]) == 0
+    printed = capsys.readouterr().out
+    assert ("at the place of another" in printed) == (not springs)
+    assert ("no faults found" in printed) == bool(springs)

@@ -363,6 +363,15 @@ def test_an_unsure_change_says_so(tmp_path):
     page = done.report.read_text(encoding="utf-8")
     assert "fitted to the baseline" in page
     assert "What has changed" in page
+    (table,) = re.findall(r"<table[^>]*>(?:(?!</table>).)*before \[Hz\].*?</table>", page, re.DOTALL)
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", table)
+    # 8.2 / 8.3 and 24.7 / 25.0, and what the models have
+    assert [cells[k : k + 4] for k in (0, 7)] == [
+        ["1", "8.3000", "8.2000", "−1.20"],
+        ["2", "25.000", "24.700", "−1.20"],
+    ]
+    first = done.diagnosis.baseline.computed.frequency
+    assert [float(cells[k]) for k in (4, 11)] == pytest.approx(first, rel=1e-4)
 
 
 def test_a_study_of_modes_is_compared_fitted_and_saved_from_python(tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import html
+import json
 import re
 import sys
 from pathlib import Path
@@ -74,6 +75,43 @@ def test_objects_that_people_meet_print_one_short_line(study, comparison, found,
     ]
     too_long = {type(x).__name__: len(repr(x)) for x in met if len(repr(x)) > LONGEST or "\n" in repr(x)}
     assert too_long == {}
+
+
+def test_a_comparison_is_computed_once_for_a_study(study, comparison, monkeypatch):
+    calls = []
+    monkeypatch.setattr("dovetail.pipeline.fit_problem", lambda one: calls.append(one) or fit_problem(one))
+    assert study.compare() is comparison
+    assert study.error() == comparison.misfit
+    assert not calls
+    other = study.add("point_mass:arm", mass=0.1)
+    assert other.error() != comparison.misfit
+    assert other.error() == other.compare().misfit
+    assert calls == [other]
+    assert len(other.compare(4).bands) != len(other.compare().bands)
+
+
+def test_the_study_of_a_diagnosis_is_that_of_its_report(study, found, bent, tmp_path):
+    better = found.study
+    last = found.steps[-1]
+    assert better.error().fit_db == pytest.approx(last.fit_db, abs=1e-3)  # dB
+    assert better.error().fit_db < 0.1 * study.error().fit_db
+    assert [e.name for e in better.added] == [f.effect.name for f in found.findings]
+    better.save(tmp_path / "better.toml")
+    saved = dovetail.load_study(tmp_path / "better.toml")
+    reported = dovetail.load_study(bent.folder / "found.toml")
+    assert saved.model.values() == reported.model.values()
+    assert saved.estimates == reported.estimates
+
+
+def test_a_diagnosis_at_hand_writes_the_report_of_a_run(found, bent, bent_album, tmp_path, monkeypatch):
+    monkeypatch.setattr("dovetail.report.pictures.draw_all", lambda *_: bent_album)
+    written = found.report(tmp_path / "out")
+    assert {f.name for f in written.folder.iterdir()} | {"pictures"} == {
+        f.name for f in bent.folder.iterdir()
+    }
+    names = "effects", "error_db", "ranking", "posterior", "uncertain", "model"
+    ours, theirs = (json.loads(r.json.read_text(encoding="utf-8")) for r in (written, bent))
+    assert {n: ours[n] for n in names} == {n: theirs[n] for n in names}
 
 
 @pytest.mark.parametrize("package", [fem, updating, joint], ids=lambda package: package.__name__)

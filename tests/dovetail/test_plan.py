@@ -112,6 +112,24 @@ def test_a_plan_may_be_limited_to_a_kind(file):
         study.plan(kinds=["point_maas"])
 
 
+def test_sensors_are_added_and_chosen_from_python_as_by_the_command(file, tmp_path):
+    study, out = load_study(file), tmp_path / "plan.json"
+    how = {"noise": 0.01, "left_db": 0.1}
+    added = study.plan(**how, add=1)
+    words = ["--noise", "1%", "--left", "0.1", "--add", "1", "--json", str(out)]
+    assert main(["plan", str(file), *words]) == 0
+    (sensor,) = json.loads(out.read_text())["chosen"]["sensors"]
+    assert added.chosen is not None
+    assert [s.name for s in added.chosen.sensors] == [sensor["name"]]
+    assert len(added.plan.measurement.sensors) == len(study.sensors) + 1
+    chosen = study.plan(**how, choose=2, excitations=1).plan.measurement
+    assert (len(chosen.sensors), len(chosen.excitations)) == (2, 1)
+    with pytest.raises(StudyError, match="give one of them"):
+        study.plan(add=1, choose=2)
+    with pytest.raises(StudyError, match="choose gives the number of sensors"):
+        study.plan(excitations=2)
+
+
 def test_relevant_sizes_of_the_study_are_those_of_its_plan(tmp_path):
     study = load_study(written(tmp_path, "\n[relevant]\nmasses = 0.1\n"))
     plan = plan_study(study, 0.003)

@@ -222,7 +222,7 @@ def test_an_error_of_a_channel_beyond_tolerance_is_told_everywhere(found, album,
     assert "as they were read" in page
     assert "None was found" not in page
     assert any(sentence in line for line in found_lines(told.diagnosis))
-    assert sentence in StudyDiagnosis.of(told.diagnosis)._repr_html_()
+    assert sentence in StudyDiagnosis.of(told.diagnosis, told.study)._repr_html_()
     (plain,) = diagnosis_dict(told.diagnosis)["faults"]
     assert (plain["kind"], plain["value"], plain["tolerance"]) == ("sensor_gain", 0.8, 0.03)
     text = found_text(told, tmp_path)

@@ -33,6 +33,7 @@ from fem.effects import (
     ClampForm,
     Crack,
     EndRelease,
+    MemberDamping,
     MemberDensity,
     MemberSection,
     MemberShear,
@@ -535,6 +536,40 @@ def test_a_reduced_model_is_the_model_with_its_candidates(inside):
         )
         rough = (up - down) / (2 * step)
         assert abs(slopes[k] - rough).max() <= 1e-4 * abs(rough).max(), ref
+
+
+@pytest.mark.parametrize("end", ENDS.values(), ids=ENDS)
+def test_steps_of_what_gives_way_are_those_of_another_cut(end):
+    """The congruence by the element's step equals a cut of the element with that step."""
+    plain = corner(end)
+    (frame,) = plain.of_kind(Frame)
+    others = [with_frame(zone_of(end)[0], plain), changes(frame)["section_form"][0]]
+    others += [MemberStiffness(name="stiff", member="beam", change=0.2), *releases(end)]
+    others += [Preload(name="pull", member="beam", tension=2e4, buckling=1e6)]
+    others += [MemberDamping(name="lossy", member="beam", loss_factor=0.03)]
+    # a crack inside of the first element, and one at its end
+    cracks = [replace(crack_of_beam(), name=f"crack {at}", position=at) for at in (0.21, h)]
+    twist = EndRelease(name="twist", member="beam", end=1, direction="rx", compliance=1e-4, reference=1.0)
+    model = plain.with_effect(*others, *cracks, twist)
+    model = model.with_values({ref: v for ref, v in VALUES.items() if ref in model.values()})
+    n_seen = 0
+    for soft in (e for e in model.effects if e.gives_way):
+        refs = [r for r in soft.refers_to(model) if r[0] != soft.name]
+        stepped = {r: model.with_values({r: model.values()[r] + 1e-200j}) for r in refs}
+        for ref, steps in zip(refs, soft.steps_by_others(model, stepped), strict=True):
+            anew = soft.contribute(stepped[ref])
+            for key in "KMD":
+                found, expected = (
+                    [np.imag(X) for c in parts if (X := getattr(c, key)) is not None]
+                    for parts in (steps, anew)
+                )
+                now = [np.abs(X).max() for c in soft.contribute(model) if (X := getattr(c, key)) is not None]
+                assert len(found) == len(expected) == len(now)
+                for X, Y, size in zip(found, expected, now, strict=True):
+                    n_seen += bool(Y.any())
+                    rounding = 1e-13 * size * 1e-200 / max(abs(model.values()[ref]), 1e-3)
+                    np.testing.assert_allclose(X, Y, rtol=0, atol=1e-9 * np.abs(Y).max() + rounding)
+    assert n_seen > 20
 
 
 @pytest.mark.parametrize("tried", ["zone", "form", "soft ry", "stiff", "crack"])

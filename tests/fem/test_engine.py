@@ -293,11 +293,12 @@ def test_elements_that_are_alike_are_formed_and_projected_as_one(mine, monkeypat
 
     def both():
         fresh = ReducedModel(model, reduced.basis, reduced.system)
-        stepped = model.with_values({("frame", "E:steel"): 1.1 * STEEL.E + 1e-200j})
+        modulus = "frame", "E:steel"
+        stepped = model.with_values({modulus: 1.1 * STEEL.E + 1e-200j})
         return [
             fresh.value_of(effect),
             fresh.derivative_of(effect, name, value),
-            fresh.slope_in(effect, stepped),
+            *fresh.slopes_in(effect, model, {modulus: stepped}),
         ]
 
     together = both()

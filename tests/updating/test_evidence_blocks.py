@@ -11,8 +11,8 @@ from tests.frames import cross_beam
 from updating import build_problem, propose
 from updating.diagnosis.evidence import (
     Blocks,
-    Hypothesis,
     Odds,
+    ScoredFit,
     Search,
     best_starts,
     look_at,
@@ -107,7 +107,7 @@ def test_of_a_block_near_the_data_go_on_the_directions_that_pay(problem, springs
         weak = [slight(problem, e, x) for e, x in zip(springs, times, strict=True)]
         known = hiding(problem, weak)
         search = Search(known, (), propose(known.reduced.model, ["support_flexibility"]))
-        base = Hypothesis(fit(known, n_lines=FULL_LINES), 0.0)
+        base = ScoredFit(fit(known, n_lines=FULL_LINES), 0.0)
         assert not search.fits.is_far(base)
         ranked = search.fits.ranking.blocks(known, base.fitted, far=True)
         (block,) = ranked([springs])

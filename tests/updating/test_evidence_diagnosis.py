@@ -7,7 +7,7 @@ from dovetail.file import without_held_out
 from dovetail.file.contents import measured
 from tests.frames import write_study
 from updating import EFFECT, NOTHING, UNEXPLAINED, diagnose, propose
-from updating.diagnosis.evidence import Search, search_by_evidence
+from updating.diagnosis.evidence import Search, prepare_search, search_of_problem, searched
 from updating.inference import ALONE, TWIN_NATS
 from updating.inference.workers import workers
 
@@ -50,20 +50,26 @@ def test_a_hidden_mass_is_named_with_its_probability(tmp_path):
     assert found.steps[-1].fit_db < 0.3 * found.steps[1].fit_db
 
 
+def by_evidence(study, measurement, kinds, crew=ALONE):
+    """Return the search alone, without verdict and report."""
+    prepared = prepare_search(
+        study.model,
+        measurement,
+        study.nuisances,
+        damping_std=study.damping_std,
+        kinds=kinds,
+        model_error=0.1,
+    )
+    quiet = lambda text, done: None  # noqa: E731
+    return searched(search_of_problem(*prepared, progress=quiet, crew=crew), quiet)
+
+
 @pytest.mark.slow
 def test_two_processes_find_what_one_finds(tmp_path):
     study, (measurement,) = asked(tmp_path, 0.25)
 
     def found(crew):
-        done = search_by_evidence(
-            study.model,
-            measurement,
-            study.nuisances,
-            damping_std=study.damping_std,
-            kinds=["point_mass", "member_stiffness"],
-            model_error=0.1,
-            crew=crew,
-        )
+        done = by_evidence(study, measurement, ["point_mass", "member_stiffness"], crew)
         return {tuple(sorted(h.key)): h.score for h in done.search.known.values()}, done.best.key
 
     alone, best = found(ALONE)
@@ -79,14 +85,7 @@ def test_with_one_maximum_the_deviations_are_those_of_its_fit(tmp_path, monkeypa
     fits, polished = [], Search.polished
     monkeypatch.setattr(Search, "polished", lambda self, h: polished(self, fits.append(h) or h))
     study, (measurement,) = asked(tmp_path, 0.25)
-    done = search_by_evidence(
-        study.model,
-        measurement,
-        study.nuisances,
-        damping_std=study.damping_std,
-        kinds=["point_mass"],
-        model_error=0.1,
-    )
+    done = by_evidence(study, measurement, ["point_mass"])
     (effect,) = done.best.effects
     (alone,) = (h.fitted for h in fits)
     for name in ("mass", "position"):

@@ -16,7 +16,7 @@ from updating.diagnosis.evidence import (
     QUICK_STEPS,
     SHORT_STEPS,
     Fits,
-    Hypothesis,
+    ScoredFit,
     Search,
     Start,
     near_to,
@@ -356,7 +356,7 @@ def test_candidates_beside_what_explains_the_data_share_the_posterior(monkeypatc
     """Of a bent model too: "nothing missing" had 99.9 % where the data did not show the hidden effect."""
     gains = {"a": 2.0, "b": 0.5}
     fitted = FitResult(None, {}, {}, np.zeros(0), (), 1.0, 1.0, 0.1, log_evidence=0.0)
-    search, base = object.__new__(Search), Hypothesis(fitted, 0.0)
+    search, base = object.__new__(Search), ScoredFit(fitted, 0.0)
     search.fits = SimpleNamespace(
         free=lambda h: None,
         odds=SimpleNamespace(prior=lambda effects: -3.0 * len(effects)),

@@ -6,8 +6,7 @@ import pytest
 from benchmarks.hidden.cases import make_case
 from fem.reduction.reduced_model import ReducedModel
 from updating import assessed_fit, build_problem, propose
-from updating.diagnosis.evidence import Fits, Odds, Ranking
-from updating.diagnosis.evidence import Hypothesis as Fitted
+from updating.diagnosis.evidence import Fits, Odds, Ranking, ScoredFit
 from updating.live import Hypothesis, LiveModel, fit_all, rank
 
 KINDS = ("member_density", "member_stiffness", "point_mass", "joint_stiffness", "sensor_mass")
@@ -65,7 +64,7 @@ def test_probabilities_beside_what_explains_the_data_are_those_of_a_diagnosis(ca
         Odds.of(tuple(candidates.values()), live.problem.reduced.model),
     )
     fits = Fits(problem, (), odds, Ranking())
-    base = Fitted(problem.assessed(explained.result()), 0.0)
+    base = ScoredFit(problem.assessed(explained.result()), 0.0)
     rest = [e for e in candidates.values() if e.name != "member_density:B"]
 
     def against(effect):

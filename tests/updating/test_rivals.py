@@ -10,7 +10,7 @@ from fem.effects import DistributedMass, JointComplexStiffness
 from fem.model import covers
 from tests.frames import cross_beam, portal
 from updating import Ranked, propose
-from updating.diagnosis.evidence import Hypothesis, Search, Searched
+from updating.diagnosis.evidence import ScoredFit, Search, Searched
 from updating.inference import TWIN_NATS
 
 
@@ -21,7 +21,7 @@ class Fit:
         self.effects = (effect,)
 
 
-class Scored(Hypothesis):
+class Scored(ScoredFit):
     """A hypothesis of which only effects and score are known."""
 
     def __init__(self, effects, score):

@@ -1,14 +1,16 @@
 """How far mode shapes are from real ones, and the real shape nearest to a complex one."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from fem.array_types import Complexes, Floats
 
 LEAST_MPC, LARGEST_MPD = 0.3, 45.0
 """Shapes that are identified are no less collinear [-], and no farther from real ones [degrees], unless the
 caller says so."""
 
 
-def modal_phase_collinearity(shapes: ArrayLike) -> NDArray[np.float64]:
+def modal_phase_collinearity(shapes: ArrayLike) -> Floats:
     """Compute the modal phase collinearity |φᵀφ|² / (φᴴφ)² of each shape: 1 for real ones.
 
     Pappa, Elliott and Schenk, *J. Guidance Control Dyn.* 16, 1993, 852, with the variances about zero:
@@ -29,7 +31,7 @@ def modal_phase_collinearity(shapes: ArrayLike) -> NDArray[np.float64]:
     return np.minimum(_over(np.abs((phi**2).sum(axis=0)) ** 2, size**2), 1.0)
 
 
-def mean_phase_deviation(shapes: ArrayLike) -> NDArray[np.float64]:
+def mean_phase_deviation(shapes: ArrayLike) -> Floats:
     """Compute the mean angle between the entries of each shape and its mean phase, weighted by their size.
 
     Heylen, Lammens and Sas, *Modal Analysis Theory and Testing*, 1998. The mean phase is that of the line
@@ -50,7 +52,7 @@ def mean_phase_deviation(shapes: ArrayLike) -> NDArray[np.float64]:
     return np.minimum(np.rad2deg(_over((size * angle).sum(axis=0), size.sum(axis=0))), 90.0)
 
 
-def modal_complexity_factor(shapes: ArrayLike) -> NDArray[np.float64]:
+def modal_complexity_factor(shapes: ArrayLike) -> Floats:
     """Compute the area that each shape's entries and their negatives enclose in the complex plane.
 
     It is divided by the area of the circle about zero through the largest entry: the second modal complexity
@@ -71,12 +73,12 @@ def modal_complexity_factor(shapes: ArrayLike) -> NDArray[np.float64]:
     return _over(area, np.pi * largest**2)
 
 
-def mean_phase(shapes: ArrayLike) -> NDArray[np.float64]:
+def mean_phase(shapes: ArrayLike) -> Floats:
     """Return the phase of the line through zero nearest to each shape, half that of φᵀφ [rad]."""
     return np.angle((_unit(shapes) ** 2).sum(axis=0)) / 2
 
 
-def real_shapes(shapes: ArrayLike) -> NDArray[np.float64]:
+def real_shapes(shapes: ArrayLike) -> Floats:
     """Turn each shape by its mean phase and return the real part, the largest entry positive.
 
     Parameters
@@ -95,7 +97,7 @@ def real_shapes(shapes: ArrayLike) -> NDArray[np.float64]:
     return real * np.where(sign == 0, 1.0, sign)
 
 
-def _columns(shapes: ArrayLike) -> NDArray[np.complex128]:
+def _columns(shapes: ArrayLike) -> Complexes:
     phi = np.asarray(shapes, dtype=complex)
     phi = phi[:, None] if phi.ndim == 1 else phi
     if phi.ndim != 2 or not np.isfinite(phi).all():
@@ -104,18 +106,18 @@ def _columns(shapes: ArrayLike) -> NDArray[np.complex128]:
     return phi
 
 
-def _unit(shapes: ArrayLike) -> NDArray[np.complex128]:
+def _unit(shapes: ArrayLike) -> Complexes:
     """Return shapes with a largest entry of size 1, so that squares keep their digits."""
     phi = _columns(shapes)
     largest = np.maximum(np.abs(phi.real), np.abs(phi.imag)).max(axis=0, initial=0.0)
     return phi / np.where(largest > 1e-300, largest, 1.0)
 
 
-def _over(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _over(a: Floats, b: Floats) -> Floats:
     return np.divide(a, b, out=np.zeros(a.shape), where=b > 0)
 
 
-def _hull_area(points: NDArray[np.complex128]) -> float:
+def _hull_area(points: Complexes) -> float:
     """Return the area of the convex hull, by chains of right and of left turns."""
     order = np.lexsort([points.imag, points.real])
     chains: list[complex] = []
@@ -126,5 +128,5 @@ def _hull_area(points: NDArray[np.complex128]) -> float:
                 chain.pop()
             chain.append(z)
         chains += chain[:-1]
-    hull: NDArray[np.complex128] = np.array(chains, dtype=complex)
+    hull: Complexes = np.array(chains, dtype=complex)
     return float(abs((hull.conj() * np.roll(hull, -1)).imag.sum()) / 2)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFError
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.summary import counted, fields_summary, span, summary
 from updating.correlation.shape_correlation import refuse_gaps
 
@@ -22,7 +23,7 @@ _NAN = complex(np.nan, np.nan)
 """No number in both parts; complex("nan") has the imaginary part 0, which would count as a phase."""
 
 
-def frac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
+def frac(H_x: ArrayLike, H_a: ArrayLike) -> Floats:
     """Compute the frequency response assurance criterion of each FRF over the lines.
 
     |Σ H_x H_a*|² / (Σ|H_x|² Σ|H_a|²); Heylen and Lammens, Identification in Engineering Systems, Swansea,
@@ -49,7 +50,7 @@ def frac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
     return _alike((x * a.conj()).sum(axis=0), _square(x).sum(axis=0), _square(a).sum(axis=0))
 
 
-def signature_assurance(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
+def signature_assurance(H_x: ArrayLike, H_a: ArrayLike) -> Floats:
     """Compute the signature assurance criterion SAC: FRAC of the amplitudes alone.
 
     (Σ |H_x||H_a|)² / (Σ|H_x|² Σ|H_a|²), as in Dascotte and Strobbe, IMAC XVII, 1999. Blind to phases, hence
@@ -75,7 +76,7 @@ def signature_assurance(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
     return frac(np.abs(x), np.abs(a))
 
 
-def cross_signature_assurance(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
+def cross_signature_assurance(H_x: ArrayLike, H_a: ArrayLike) -> Floats:
     """Compute the cross signature assurance criterion CSAC: the MAC of the operating shapes at each line.
 
     |h_xᴴ h_a|² / (h_xᴴh_x h_aᴴh_a), with h the responses to one force at one line: Dascotte and Strobbe, IMAC
@@ -102,7 +103,7 @@ def cross_signature_assurance(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.floa
     return _alike((x.conj() * a).sum(axis=1), _square(x).sum(axis=1), _square(a).sum(axis=1))
 
 
-def cross_signature_scale(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
+def cross_signature_scale(H_x: ArrayLike, H_a: ArrayLike) -> Floats:
     """Compute the cross signature scale factor CSF: how alike operating shapes are in size and shape.
 
     2 |h_xᴴ h_a| / (h_xᴴh_x + h_aᴴh_a); sources as for :func:`cross_signature_assurance`, Grafe's global
@@ -131,7 +132,7 @@ def cross_signature_scale(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]
     return np.minimum(np.divide(cross, total, out=np.zeros(cross.shape), where=total > 0), 1.0)
 
 
-def fdac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
+def fdac(H_x: ArrayLike, H_a: ArrayLike) -> Floats:
     """Compute the frequency domain assurance criterion: operating shapes of any line against any other.
 
     |h_x(ω_x)ᴴ h_a(ω_a)|² / (h_xᴴh_x h_aᴴh_a) for the responses to each force: Pascual, Golinval and Razeto,
@@ -164,7 +165,7 @@ def fdac(H_x: ArrayLike, H_a: ArrayLike) -> NDArray[np.float64]:
     return _alike(cross, _square(x).sum(axis=1)[:, None], _square(a).sum(axis=1)[None])
 
 
-def cmif(H: ArrayLike) -> NDArray[np.float64]:
+def cmif(H: ArrayLike) -> Floats:
     """Compute the complex mode indication function: the singular values of H at each line.
 
     Shih, Tsuei, Allemang and Brown, *Mech. Syst. Signal Process.* 2, 1988, 367, whose function is their
@@ -207,13 +208,11 @@ def _columns(*data: NDArray[Any]) -> tuple[NDArray[Any], ...]:
     return tuple(H[..., None] if H.ndim == 2 else H for H in data)
 
 
-def _square(H: NDArray[Any]) -> NDArray[np.float64]:
+def _square(H: NDArray[Any]) -> Floats:
     return np.real(H) ** 2 + np.imag(H) ** 2
 
 
-def _alike(
-    cross: NDArray[Any], square_x: NDArray[np.float64], square_a: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _alike(cross: NDArray[Any], square_x: Floats, square_a: Floats) -> Floats:
     """Return |cross|² / (square_x square_a), at most 1; 0 where nothing moves. Safe for small numbers."""
     size = np.sqrt(square_x) * np.sqrt(square_a)
     cosine = np.divide(np.abs(cross), size, out=np.zeros(np.shape(cross)), where=size > 0)
@@ -241,12 +240,12 @@ class Comparison:
     outputs, inputs : tuple of str
     """
 
-    frequency: NDArray[np.float64]
-    log_ratio: NDArray[np.complex128]
-    bands: NDArray[np.float64]
-    error_db: NDArray[np.float64]
-    phase_deg: NDArray[np.float64]
-    frac: NDArray[np.float64]
+    frequency: Floats
+    log_ratio: Complexes
+    bands: Floats
+    error_db: Floats
+    phase_deg: Floats
+    frac: Floats
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
 
@@ -275,11 +274,11 @@ class Comparison:
         """Whether the forces are at more places than the responses, as those of a roving hammer."""
         return len(self.inputs) > len(self.outputs)
 
-    def by_sensor(self) -> NDArray[np.float64]:
+    def by_sensor(self) -> Floats:
         """Return the error of each sensor, shape (n_out,) [dB]."""
         return np.array([rms_db(self.log_ratio[:, i]) for i in range(len(self.outputs))])
 
-    def by_band(self) -> NDArray[np.float64]:
+    def by_band(self) -> Floats:
         """Return the error of each sensor in each band, shape (n_out, n_bands) [dB]."""
         square = self.error_db**2
         seen = np.isfinite(square)
@@ -290,13 +289,13 @@ class Comparison:
         return np.sqrt(mean).T
 
 
-def rms_db(log_ratio: NDArray[np.complex128]) -> float:
+def rms_db(log_ratio: Complexes) -> float:
     """Return the root mean square of the real part in dB, without NaN; NaN if no value remains."""
     x = log_ratio.real[np.isfinite(log_ratio.real)]
     return float(np.sqrt((x**2).mean()) * DB_PER_NEPER) if x.size else float("nan")
 
 
-def complex_log(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def complex_log(z: Complexes) -> Complexes:
     """Return ln|z| + i arg z; as np.log, in a quarter of its time.
 
     NumPy's own is also exact to the last digit of a logarithm near 0, which misfits do not need.
@@ -307,7 +306,7 @@ def complex_log(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return out
 
 
-def log_ratio(computed: NDArray[np.complex128], measured: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def log_ratio(computed: Complexes, measured: Complexes) -> Complexes:
     """Return ln(computed / measured) with the phase between -π and π; NaN where one of them is zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = complex_log(computed / measured)
@@ -315,7 +314,7 @@ def log_ratio(computed: NDArray[np.complex128], measured: NDArray[np.complex128]
 
 
 def compare(
-    measured: FRF, computed: FRF, bands: ArrayLike | int = 6, mask: NDArray[np.bool_] | None = None
+    measured: FRF, computed: FRF, bands: ArrayLike | int = 6, mask: Bools | None = None
 ) -> Comparison:
     """Compare measured with computed FRFs at the measured lines.
 
@@ -356,7 +355,7 @@ def compare(
     shape = (len(edges) - 1, *ratio.shape[1:])
     error, phase = np.full(shape, np.nan), np.full(shape, np.nan)
     for b in range(len(edges) - 1):
-        part: NDArray[np.complex128] = np.asarray(ratio[which == b])
+        part: Complexes = np.asarray(ratio[which == b])
         seen = np.isfinite(part).any(axis=0) if part.size else np.zeros(shape[1:], dtype=bool)
         if seen.any():
             error[b][seen] = np.sqrt(np.nanmean(part.real[:, seen] ** 2, axis=0)) * DB_PER_NEPER
@@ -365,7 +364,7 @@ def compare(
 
 
 def exchanged_labels(
-    measured: FRF, computed: FRF, mask: NDArray[np.bool_] | None = None
+    measured: FRF, computed: FRF, mask: Bools | None = None
 ) -> dict[tuple[str, str, str], str]:
     """Return pairs of responses or of forces that look exchanged by a model, with a sentence on each.
 
@@ -395,7 +394,7 @@ def exchanged_labels(
     return out
 
 
-def _rms_db(difference: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+def _rms_db(difference: Floats, other: Floats) -> float:
     """Return the root mean square of a difference where another is known, too [dB]; 0 where none is."""
     both = np.isfinite(difference).all(axis=0) & np.isfinite(other).all(axis=0)
     return DB_PER_NEPER * float(np.sqrt(np.square(difference[:, both]).mean())) if both.any() else 0.0
@@ -425,26 +424,26 @@ class BandError:
         Number of lines in it: those where neither FRF is zero.
     """
 
-    bands: NDArray[np.float64]
-    n_lines: NDArray[np.int64]
-    measured: NDArray[np.float64]
-    computed: NDArray[np.float64]
-    difference: NDArray[np.float64]
-    log_square: NDArray[np.float64]
-    n_log: NDArray[np.int64]
+    bands: Floats
+    n_lines: Ints
+    measured: Floats
+    computed: Floats
+    difference: Floats
+    log_square: Floats
+    n_log: Ints
 
     __repr__ = fields_summary
 
-    def relative(self, by: By = "all") -> NDArray[np.float64]:
+    def relative(self, by: By = "all") -> Floats:
         """Return (Σ|H_a - H_x|² / Σ|H_x|²)^½ [-], 0 for equal FRFs; high peaks decide."""
         return np.sqrt(_ratio(_total(self.difference, by), _total(self.measured, by)))
 
-    def level_db(self, by: By = "all") -> NDArray[np.float64]:
+    def level_db(self, by: By = "all") -> Floats:
         """Return 10 lg(Σ|H_a|² / Σ|H_x|²) [dB], positive where the model moves too much."""
         ratio = _ratio(_total(self.computed, by), _total(self.measured, by))
         return 10 * np.log10(ratio, out=np.full(ratio.shape, -np.inf), where=~(ratio <= 0))
 
-    def log_error(self, by: By = "all") -> NDArray[np.float64]:
+    def log_error(self, by: By = "all") -> Floats:
         """Return the root mean square of |ln(H_a/H_x)| [neper, rad].
 
         Peaks and antiresonances count alike, and so does noise in antiresonances; the phase is that between
@@ -489,7 +488,7 @@ def band_error(frequency: ArrayLike, H_x: ArrayLike, H_a: ArrayLike, bands: Arra
     return BandError(edges, n_lines, *(sums(p) for p in parts), n_log=sums(seen))
 
 
-def _bands(f: NDArray[np.float64], bands: ArrayLike | int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _bands(f: Floats, bands: ArrayLike | int) -> tuple[Floats, Ints]:
     """Return edges, and the band of each line; -1 for those in none."""
     edges = np.linspace(f[0], f[-1], bands + 1) if isinstance(bands, int) else np.asarray(bands, dtype=float)
     which = np.minimum(np.searchsorted(edges, f, side="right") - 1, len(edges) - 2)
@@ -505,5 +504,5 @@ def _total(values: NDArray[Any], by: By) -> NDArray[Any]:
     return np.asarray(values.sum(axis=axes[by]), dtype=float)
 
 
-def _ratio(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ratio(a: Floats, b: Floats) -> Floats:
     return np.divide(a, b, out=np.full(a.shape, np.nan), where=b > 0)

@@ -10,6 +10,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats, Ints
 from fem.summary import fields_summary
 from updating.correlation.shape_correlation import mac, orthonormal_basis, principal_angles, subspace_mac
 
@@ -40,13 +41,13 @@ class ModePair:
     measured: tuple[int, ...]
     computed: tuple[int, ...]
     subspace: tuple[int, ...]
-    frequency_measured: NDArray[np.float64]
-    frequency_computed: NDArray[np.float64]
+    frequency_measured: Floats
+    frequency_computed: Floats
     mac: float
-    angles: NDArray[np.float64]
+    angles: Floats
 
     @property
-    def frequency_error(self) -> NDArray[np.float64]:
+    def frequency_error(self) -> Floats:
         """Computed over measured natural frequency, less one, shape (n,) [-]."""
         return self.frequency_computed / self.frequency_measured - 1
 
@@ -74,12 +75,12 @@ class ModeComparison:
         Computed modes without a partner, rigid-body modes left out, and why.
     """
 
-    mac: NDArray[np.float64]
+    mac: Floats
     pairs: tuple[tuple[int, int], ...]
-    frequency_error: NDArray[np.float64]
+    frequency_error: Floats
     groups: tuple[ModePair, ...]
-    frequency_measured: NDArray[np.float64]
-    frequency_computed: NDArray[np.float64]
+    frequency_measured: Floats
+    frequency_computed: Floats
     unpaired_measured: dict[int, str]
     unpaired_computed: dict[int, str]
 
@@ -233,9 +234,7 @@ def pair_modes(
     return ModeComparison(values, pairs, error, tuple(groups), fx, fa, dict(sorted(why_not.items())), without)
 
 
-def _check(
-    fx: NDArray[np.float64], x: NDArray[Any], fa: NDArray[np.float64], a: NDArray[Any], n_rigid: int
-) -> None:
+def _check(fx: Floats, x: NDArray[Any], fa: Floats, a: NDArray[Any], n_rigid: int) -> None:
     for word, f, p in (("measured", fx, x), ("computed", fa, a)):
         if f.ndim != 1 or p.shape[1] != f.size:
             msg = f"{f.size} {word} frequencies are given for {p.shape[1]} shapes"
@@ -250,7 +249,7 @@ def _check(
             raise ValueError(msg)
 
 
-def _close_sets(f: NDArray[np.float64], usable: NDArray[np.int64], close: float) -> list[list[int]]:
+def _close_sets(f: Floats, usable: Ints, close: float) -> list[list[int]]:
     sets: list[list[int]] = []
     for j in usable[np.argsort(f[usable], kind="stable")].tolist():
         if sets and f[j] / f[sets[-1][-1]] - 1 <= close:
@@ -261,7 +260,7 @@ def _close_sets(f: NDArray[np.float64], usable: NDArray[np.int64], close: float)
 
 
 def _independent(
-    x: NDArray[Any], mine: list[int], score: NDArray[np.float64], of: dict[int, int], why_not: dict[int, str]
+    x: NDArray[Any], mine: list[int], score: Floats, of: dict[int, int], why_not: dict[int, str]
 ) -> list[int]:
     """Return the measured modes of a set without those that repeat better ones."""
     kept: list[int] = []
@@ -278,9 +277,9 @@ def _independent(
 
 
 def _pair(
-    fx: NDArray[np.float64],
+    fx: Floats,
     x: NDArray[Any],
-    fa: NDArray[np.float64],
+    fa: Floats,
     a: NDArray[Any],
     mine: list[int],
     theirs: list[int],
@@ -300,7 +299,7 @@ def _pair(
     )
 
 
-def _angles(x: NDArray[Any], a: NDArray[Any]) -> NDArray[np.float64]:
+def _angles(x: NDArray[Any], a: NDArray[Any]) -> Floats:
     """Return the angles between measured shapes and computed ones, rising, one for each measured shape."""
     known = np.logical_not(np.isnan(x))
     rows = known.all(axis=1)
@@ -309,7 +308,7 @@ def _angles(x: NDArray[Any], a: NDArray[Any]) -> NDArray[np.float64]:
     return np.sort(np.arccos(np.sqrt(subspace_mac(x, a))))
 
 
-def _why(alike: NDArray[np.float64], f: NDArray[np.float64], least_mac: float) -> str:
+def _why(alike: Floats, f: Floats, least_mac: float) -> str:
     if not alike.size:
         return "there is no mode on the other side"
     k = int(np.argmax(alike))
@@ -318,7 +317,7 @@ def _why(alike: NDArray[np.float64], f: NDArray[np.float64], least_mac: float) -
     return f"most like mode {k + 1} ({f[k]:.4g} Hz, MAC {alike[k]:.2f}), which has a better partner"
 
 
-def track_modes(sets: Sequence[Modes], mass: Any = None, least: float = 0.5) -> NDArray[np.int64]:
+def track_modes(sets: Sequence[Modes], mass: Any = None, least: float = 0.5) -> Ints:
     """Follow modes through sets of them that change step by step, as over a parameter or along an updating.
 
     From set to set, modes are assigned so that the sum of their likeness is largest: (φᵀMφ')², which

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fem.array_types import Bools, Floats, Ints
+
 Array = NDArray[Any]
 
 
-def mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
+def mac(phi_x: ArrayLike, phi_a: ArrayLike) -> Floats:
     """Compute the modal assurance criterion |φ_xᴴ φ_a|² / (φ_xᴴφ_x · φ_aᴴφ_a).
 
     Allemang and Brown, IMAC I, 1982, 110-116. It says whether shapes look alike at the measured DOFs,
@@ -51,7 +53,7 @@ def mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     return np.minimum(cosine, 1.0) ** 2
 
 
-def auto_mac(phi: ArrayLike) -> NDArray[np.float64]:
+def auto_mac(phi: ArrayLike) -> Floats:
     """Compute the MAC of a set of shapes with itself.
 
     Large entries off the diagonal are pairs that these DOFs cannot tell apart: of a model's modes at the
@@ -97,7 +99,7 @@ def modal_scale_factor(phi_x: ArrayLike, phi_a: ArrayLike) -> Array:
     return np.divide(cross, square, out=np.zeros_like(cross), where=square > 0)
 
 
-def comac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
+def comac(phi_x: ArrayLike, phi_a: ArrayLike) -> Floats:
     """Compute the coordinate modal assurance criterion of each DOF over pairs of modes.
 
     (Σ_r |φ_x φ_a|)² / (Σ_r |φ_x|² Σ_r |φ_a|²): Lieven and Ewins, IMAC VI, 1988, 690-695. Measured shapes are
@@ -133,7 +135,7 @@ def comac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     return np.where(measured, np.minimum(cosine, 1.0) ** 2, np.nan)
 
 
-def ecomac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
+def ecomac(phi_x: ArrayLike, phi_a: ArrayLike) -> Floats:
     """Compute the enhanced coordinate modal assurance criterion, a mean difference of each DOF.
 
     Σ_r |φ_a - φ_x| / 2N over N pairs, each shape with its largest component 1 and measured ones turned to the
@@ -166,7 +168,7 @@ def ecomac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     return np.minimum(mean / 2, 1.0)
 
 
-def mac_without(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
+def mac_without(phi_x: ArrayLike, phi_a: ArrayLike) -> Floats:
     """Compute the MAC that each pair of modes has without one of the DOFs.
 
     The first step of MACCo: where it exceeds the MAC with all DOFs, the DOF lowers it. It finds the DOFs that
@@ -203,11 +205,11 @@ class CoordinateElimination:
         MAC of each pair with all DOFs, then after each removal.
     """
 
-    order: NDArray[np.int64]
-    mac: NDArray[np.float64]
+    order: Ints
+    mac: Floats
 
     @property
-    def gain(self) -> NDArray[np.float64]:
+    def gain(self) -> Floats:
         """Gain of the mean MAC by each removal, shape (n_removed,) [-]."""
         return np.diff(self.mac.mean(axis=1))
 
@@ -322,7 +324,7 @@ def cross_orthogonality(phi_x: ArrayLike, phi_a: ArrayLike, M: ArrayLike) -> Arr
     return unit[0].conj().T @ mass @ unit[1]
 
 
-def principal_angles(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
+def principal_angles(phi_x: ArrayLike, phi_a: ArrayLike) -> Floats:
     """Compute the principal angles between the spaces that two sets of shapes span.
 
     Björck and Golub, Math. Comp. 27, 1973, 579-594, with sines for small angles. For close or repeated modes
@@ -354,7 +356,7 @@ def principal_angles(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
     return np.where(cosine**2 > 0.5, np.arcsin(sine[: cosine.size]), np.arccos(cosine))
 
 
-def subspace_mac(phi_x: ArrayLike, phi_a: ArrayLike) -> NDArray[np.float64]:
+def subspace_mac(phi_x: ArrayLike, phi_a: ArrayLike) -> Floats:
     """Compute the largest MAC that each shape has with any combination of a set of shapes.
 
     ‖P φ_x‖² / ‖φ_x‖² with P onto the set's space: D'Ambrogio and Fregolent's S2MAC for two (Mech. Syst.
@@ -451,7 +453,7 @@ def _pairs(phi_x: ArrayLike, phi_a: ArrayLike) -> tuple[Array, Array]:
     return x, a
 
 
-def _measured(x: Array, a: Array) -> NDArray[np.bool_]:
+def _measured(x: Array, a: Array) -> Bools:
     """Return which values both shapes of a pair have, shape (n_dof, n_pairs)."""
     return ~(np.isnan(x) | np.isnan(a))
 
@@ -462,7 +464,7 @@ def _without_gaps(x: Array, a: Array) -> tuple[Array, Array]:
     return (x, a) if measured.all() else (np.where(measured, x, 0), np.where(measured, a, 0))
 
 
-def _norms(phi: Array) -> NDArray[np.float64]:
+def _norms(phi: Array) -> Floats:
     return np.linalg.norm(phi, axis=0)
 
 
@@ -471,7 +473,7 @@ def _largest_one(phi: Array) -> Array:
     return np.divide(phi, size, out=np.zeros_like(phi), where=size > 0)
 
 
-def _mac_without(x: Array, a: Array, kept: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _mac_without(x: Array, a: Array, kept: Bools) -> Floats:
     """Return the MAC of each pair over the kept DOFs but one, for each DOF, by taking off its terms."""
     x, a = x * kept[:, None], a * kept[:, None]
     terms = x.conj() * a, np.abs(x) ** 2, np.abs(a) ** 2

@@ -16,7 +16,7 @@ import numpy as np
 
 from fem.model import Effect, Model
 from updating.diagnosis.evidence.diagnosis import search_progress
-from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
+from updating.diagnosis.evidence.hypothesis import ScoredFit, values_of
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import (
@@ -94,7 +94,7 @@ def judged(
     def search_at(base: Calibrated) -> Search[ModeProblem]:
         tell = search_progress(say, start_time)
         out = Search(base.problem, made.form, candidates, tell, ranking=ModeRanking())
-        out.known[frozenset()] = Hypothesis(base.fitted, out.fits.odds.prior(()))
+        out.known[frozenset()] = ScoredFit(base.fitted, out.fits.odds.prior(()))
         return out
 
     def stands(search: Search[ModeProblem]) -> bool:
@@ -144,7 +144,7 @@ def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:
     return Baseline(first, tuple(bases), np.array(scores), d)
 
 
-def _with_cause(first: Calibrated, search: Search[ModeProblem], h: Hypothesis) -> Calibrated:
+def _with_cause(first: Calibrated, search: Search[ModeProblem], h: ScoredFit) -> Calibrated:
     """Return the model of the first state with the effects of a hypothesis."""
     problem = search.fits.free(h)
     effects = tuple(replace(e, name=f"{COMMON}{e.name}") for e in h.effects)

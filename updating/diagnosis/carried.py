@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Bools
 from fem.model import Model
 from updating.correlation import log_ratio
 from updating.inference.fit import FitProblem
@@ -125,7 +126,7 @@ def carried_over(first: CalibratedFrfs, after: FitData, form_share: float = CHAN
 
 def at_lines_of(
     values: NDArray[Any], have: FitData, want: FitData, *, angle: bool = False
-) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+) -> tuple[NDArray[Any], Bools]:
     """Return values of one state at lines and channels of another, and which of them there are.
 
     Between lines they are linear; with ``angle`` their imaginary parts are angles, continued first.

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from fem.model import Effect
-from updating.diagnosis.evidence.hypothesis import Hypothesis, near_to
+from updating.diagnosis.evidence.hypothesis import ScoredFit, near_to
 from updating.inference.belief import FAR_STD, RARE
 from updating.inference.fit_result import FitResult
 from updating.inference.problem import Problem
@@ -75,7 +75,7 @@ def departures(problem: Problem[Any], result: FitResult) -> list[Departure]:
 
 
 def departed(
-    hypotheses: Sequence[tuple[Hypothesis, float]], problem: Problem[Any], result: FitResult
+    hypotheses: Sequence[tuple[ScoredFit, float]], problem: Problem[Any], result: FitResult
 ) -> tuple[Departure, ...]:
     """Return the departures of a result, each with the effects that a search has fitted in its place.
 

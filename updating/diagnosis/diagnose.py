@@ -28,7 +28,7 @@ from updating.diagnosis.evidence.diagnosis import (
     search_of_problem,
     searched,
 )
-from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
+from updating.diagnosis.evidence.hypothesis import ScoredFit, values_of
 from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.findings import Finding, Ranked, Step, parameters_of, step_added, step_of
 from updating.diagnosis.fitted_modes import damped_modes
@@ -292,7 +292,7 @@ def _notes(done: Searched[FitProblem], gates: Gates, basis_db: float, *, stated:
     return tuple(notes)
 
 
-def _chain(done: Searched[FitProblem], best: Hypothesis) -> list[Hypothesis]:
+def _chain(done: Searched[FitProblem], best: ScoredFit) -> list[ScoredFit]:
     """Return hypotheses from nothing to the best one with one effect more each, the most telling first."""
     search, chain = done.search, [best]
     while chain[0].effects:
@@ -338,7 +338,7 @@ def _score(done: Searched[FitProblem], problem: FitProblem, faults: Sequence[Fau
 
 
 def _findings(
-    done: Searched[FitProblem], problem: FitProblem, chain: Sequence[Hypothesis], steps: Sequence[Step]
+    done: Searched[FitProblem], problem: FitProblem, chain: Sequence[ScoredFit], steps: Sequence[Step]
 ) -> tuple[list[Finding], list[tuple[Ranked, ...]]]:
     """Return a finding for each effect with its twins, and the ranking of what could stand in its place."""
     findings, rounds = [], []
@@ -380,14 +380,14 @@ def _findings(
     return findings, rounds
 
 
-def _with_one_more(done: Searched[FitProblem], base: Hypothesis) -> list[Hypothesis]:
+def _with_one_more(done: Searched[FitProblem], base: ScoredFit) -> list[ScoredFit]:
     """Return the hypotheses with one effect more than another, the most probable first."""
     more = [k for k in done.search.known.values() if base.key < k.key and len(k.key) == len(base.key) + 1]
     return sorted(more, key=lambda k: -k.score)
 
 
 def _rivals(
-    done: Searched[FitProblem], problem: FitProblem, best: Hypothesis, before: FitResult
+    done: Searched[FitProblem], problem: FitProblem, best: ScoredFit, before: FitResult
 ) -> tuple[Ranked, ...]:
     """Return the ranking of further effects that were tried with the best hypothesis and lower its score."""
     ranked, shift = [], None
@@ -400,7 +400,7 @@ def _rivals(
     return tuple(ranked)
 
 
-def _twins(done: Searched[FitProblem], best: Hypothesis, effect: Effect) -> list[str]:
+def _twins(done: Searched[FitProblem], best: ScoredFit, effect: Effect) -> list[str]:
     """Return the names of the effects that could stand in the place of one of the best hypothesis."""
     rest = best.key - {effect.name}
     out = []

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.array_types import Floats
 from fem.model import Model
 from updating.diagnosis.amplitude import deviation_at_level
 from updating.diagnosis.carried import CalibratedFrfs
@@ -87,7 +87,7 @@ class Diagnosis(Verdict):
         """Return the FRFs of a step in the kind of the measurement."""
         return self.problem.frf(self.steps[step].result)
 
-    def deviation(self, step: int) -> NDArray[np.float64] | None:
+    def deviation(self, step: int) -> Floats | None:
         """Return the standard deviation of the ln|H| that a step predicts; None for the nominal model."""
         result = self.steps[step].result
         if any(e.amplitude_dependent for e in result.effects):

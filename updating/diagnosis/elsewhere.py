@@ -1,10 +1,10 @@
 """Further positions along members at which an effect explains measured modes as well."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect
-from updating.diagnosis.evidence.hypothesis import Hypothesis, values_of
+from updating.diagnosis.evidence.hypothesis import ScoredFit, values_of
 from updating.diagnosis.evidence.search import Search
 from updating.forecast.grid import Grid
 from updating.forecast.look import Look
@@ -33,7 +33,7 @@ def weigh_elsewhere(search: Search[ModeProblem]) -> None:
         search.elsewhere += others
 
 
-def _elsewhere(search: Search[ModeProblem], h: Hypothesis, least: float) -> list[Hypothesis]:
+def _elsewhere(search: Search[ModeProblem], h: ScoredFit, least: float) -> list[ScoredFit]:
     """Return fits that begin at other positions, of those that are as probable as asked for."""
     out = []
     free = search.fits.free(h)
@@ -55,7 +55,7 @@ def _elsewhere(search: Search[ModeProblem], h: Hypothesis, least: float) -> list
     return out
 
 
-def _other_positions(search: Search[ModeProblem], h: Hypothesis, effect: Effect) -> list[dict[str, float]]:
+def _other_positions(search: Search[ModeProblem], h: ScoredFit, effect: Effect) -> list[dict[str, float]]:
     """Return the points of an effect's grid that leave the least misfit, each at another place of its member.
 
     Beside all else as it was fitted with the effect; not at the places around the fitted one.
@@ -77,12 +77,12 @@ def _other_positions(search: Search[ModeProblem], h: Hypothesis, effect: Effect)
     return [grid.points[best[k]] for k in others[:MOST_POSITIONS]]
 
 
-def _between(places: NDArray[np.float64], k: int, position: float) -> bool:
+def _between(places: Floats, k: int, position: float) -> bool:
     """Whether a position lies between the neighbours of a place."""
     return bool(places[max(k - 1, 0)] <= position <= places[min(k + 1, len(places) - 1)])
 
 
-def _apart(one: Hypothesis, two: Hypothesis) -> bool:
+def _apart(one: ScoredFit, two: ScoredFit) -> bool:
     """Whether the positions of an effect in two fits differ by more than both deviations."""
     a, b = one.fitted, two.fitted
     return any(

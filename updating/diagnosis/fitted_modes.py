@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from fem.analysis.modes import Modes, solve_eigenpairs
+from fem.array_types import Floats, Ints
 from fem.model import Model
 from fem.system import assemble, connection_stiffness
 from updating.correlation import mac
@@ -43,7 +43,7 @@ class FittedModePair:
     mac: float
 
 
-def damped_modes(model: Model, curve: DampingCurve, unknowns: NDArray[np.float64], up_to: float) -> Modes:
+def damped_modes(model: Model, curve: DampingCurve, unknowns: Floats, up_to: float) -> Modes:
     """Compute modes up to a frequency with the damping that a fit uses, a curve and local dampers.
 
     ζ = ζ_m + s (ζ_c - ζ_m) + φᵀ D φ / (2 ω²) + φᵀ C φ / (2 ω), with the curve's ratios of members and of
@@ -138,7 +138,7 @@ def _zeta(modes: Modes, k: int) -> float:
     return np.nan if modes.zeta is None else float(modes.zeta[k])
 
 
-def _translations(modes: Modes, which: NDArray[np.int64], n_points: int) -> NDArray[np.float64]:
+def _translations(modes: Modes, which: Ints, n_points: int) -> Floats:
     # internal coordinates of parts follow those of the points
     shapes = np.asarray(np.real(modes.shapes[: 6 * n_points, which]), dtype=np.float64)
     return shapes.reshape(-1, 6, len(which))[:, :3].reshape(-1, len(which))

@@ -8,16 +8,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.harmonic_balance import Receptances, solve_steady
+from fem.array_types import Ints
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import parameter_values
 from fem.reduction.parametric_frf import ParametricFRF
 from updating.correlation import log_ratio
 from updating.diagnosis.amplitude import at_force_levels
 from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Start, values_of
+from updating.diagnosis.evidence.hypothesis import ScoredFit, Start, values_of
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
@@ -71,7 +71,7 @@ def with_laws(
 
 def _add_laws(
     search: Search[FitProblem],
-    base: Hypothesis,
+    base: ScoredFit,
     problem: FitProblem,
     levels: Sequence[FitData],
     laws: Sequence[AmplitudeDependent],
@@ -117,9 +117,7 @@ def _looked_at(
     return [starts for _, starts in looked[:4]]
 
 
-def _at_joint(
-    problem: FitProblem, current: FitResult, law: AmplitudeDependent, lines: NDArray[np.int64]
-) -> Receptances:
+def _at_joint(problem: FitProblem, current: FitResult, law: AmplitudeDependent, lines: Ints) -> Receptances:
     """Return the receptances of sensors and of a joint's motion, without its law."""
     f, refs = problem.data.frequency[lines], list(current.values)
     engine = ParametricFRF(
@@ -129,9 +127,7 @@ def _at_joint(
     return Receptances.of(engine.evaluate(values, zeta, gradient=False)[0])
 
 
-def _level(
-    levels: Sequence[FitData], law: AmplitudeDependent, part: Receptances, lines: NDArray[np.int64]
-) -> float:
+def _level(levels: Sequence[FitData], law: AmplitudeDependent, part: Receptances, lines: Ints) -> float:
     """Return the robust residual level over all levels of force with a law [nepers]."""
     squares = []
     for data in levels:

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.linalg.solvers import one_thread
 from fem.model import Effect
 from fem.summary import fields_summary
-from updating.correlation import compare
+from updating.correlation import DB_PER_NEPER, compare
 from updating.diagnosis.candidates import propose
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
@@ -63,13 +63,13 @@ class Localisation:
 
     sensors: tuple[str, ...]
     inputs: tuple[str, ...]
-    by_sensor_db: NDArray[np.float64]
-    by_input_db: NDArray[np.float64]
-    bands: NDArray[np.float64]
-    by_band_db: NDArray[np.float64]
+    by_sensor_db: Floats
+    by_input_db: Floats
+    bands: Floats
+    by_band_db: Floats
     members: Mapping[str, float]
     places: tuple[tuple[str, float], ...]
-    points: Mapping[str, NDArray[np.float64]]
+    points: Mapping[str, Floats]
     note: str
 
     __repr__ = fields_summary
@@ -106,7 +106,7 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     shares = _shares(problem, result, candidates)
     members: dict[str, float] = dict.fromkeys(model.mesh.members, 0.0)
     places: dict[str, float] = {}
-    points: dict[str, NDArray[np.float64]] = {}
+    points: dict[str, Floats] = {}
     for effect, share in zip(candidates, shares.tolist(), strict=True):
         place, in_member = place_named(effect)
         found = members if in_member else places
@@ -136,7 +136,7 @@ def place_named(effect: Effect) -> tuple[str, bool]:
     return effect.where.thing, False
 
 
-def _shares(problem: FitProblem, result: FitResult, candidates: Sequence[Effect]) -> NDArray[np.float64]:
+def _shares(problem: FitProblem, result: FitResult, candidates: Sequence[Effect]) -> Floats:
     """Return the shares of the misfit that candidates explain, (n_candidates,) [-]."""
     look = Look.of(problem.with_forces_of(result), result, min(N_LINES, n_lines(problem)), 0, MOST_VALUES)
     grids = [Grid.of(problem, e) for e in candidates]
@@ -163,6 +163,6 @@ def _about_best(forecast: Forecast, k: int) -> Grid:
     return Grid(grid.effect, tuple(p for p in grid.points if grid.direction(p, little.absent) in near))
 
 
-def _rms(x: NDArray[np.float64]) -> float:
+def _rms(x: Floats) -> float:
     x = x[np.isfinite(x)]
-    return float(np.sqrt((x**2).mean()) * 20 / np.log(10)) if x.size else float("nan")
+    return float(np.sqrt((x**2).mean()) * DB_PER_NEPER) if x.size else float("nan")

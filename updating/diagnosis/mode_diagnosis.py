@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Role
 from fem.model import Effect, Model
 from fem.summary import percent
 from updating.diagnosis.candidates import propose
 from updating.diagnosis.elsewhere import weigh_elsewhere
 from updating.diagnosis.evidence.diagnosis import Searched, search_promised, searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.hypothesis import ScoredFit
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import Finding, labels, parameters_of
 from updating.diagnosis.mode_separation import next_measurements
@@ -86,13 +86,13 @@ class Calibrated:
     made: Formed
 
     @property
-    def missed(self) -> NDArray[np.float64]:
+    def missed(self) -> Floats:
         """By how many standard deviations of noise it misses each frequency, NaN without a partner, (n,)."""
         t = self.problem.targets
         return np.log(self.computed.frequency / t.frequency) / t.frequency_std
 
     @property
-    def form_share(self) -> NDArray[np.float64]:
+    def form_share(self) -> Floats:
         """Share of each residual that is the model's error: of frequencies, damping and shapes, (3, n) [-].
 
         By the size of the residuals, also where a study says that the form is right: what the model lacks in
@@ -101,12 +101,12 @@ class Calibrated:
         return self._by_reading(self._levels.discrepancy_share(self.fitted.misfit))
 
     @property
-    def carried_share(self) -> NDArray[np.float64]:
+    def carried_share(self) -> Floats:
         """The share that another state has, too: a bad reading says nothing of it, (3, n) [-]."""
         return self.form_share * (1 - self.bad)
 
     @property
-    def form_error(self) -> NDArray[np.float64]:
+    def form_error(self) -> Floats:
         """Standard deviation of the model's error of frequencies, damping and shapes, (3,) [-].
 
         As the residuals show it; of what was not measured at all as it may be.
@@ -116,7 +116,7 @@ class Calibrated:
         return np.sqrt(np.where(np.isin(np.arange(len(prior)), self._levels.kind), squares, prior))
 
     @property
-    def bad(self) -> NDArray[np.float64]:
+    def bad(self) -> Floats:
         """Probability that readings of frequencies, damping and shapes do not belong, (3, n); 1 of none."""
         return 1 - self._by_reading(1 - self._levels.is_bad(self.fitted.misfit))
 
@@ -128,7 +128,7 @@ class Calibrated:
         known = fit.kind, fit.n, fit.size, fit.variance, largest, fit.bad, fit.bad_prior
         return ModeLevels.up_to(*known, least=least)
 
-    def _by_reading(self, of_groups: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _by_reading(self, of_groups: Floats) -> Floats:
         out = np.zeros((len(LARGEST_DISCREPANCY), self.problem.targets.n))
         for reading, value in zip(self.problem.readings(), of_groups, strict=True):
             out[reading.kind, reading.mode] = value
@@ -174,7 +174,7 @@ class ModeDiagnosis(Verdict):
         return self.problem, self.final.fitted, self.model
 
     @property
-    def final(self) -> Hypothesis:
+    def final(self) -> ScoredFit:
         """The hypothesis of the verdict: that without effects where no explanation is believed."""
         return _reported(self.searched)
 
@@ -202,11 +202,11 @@ class Baseline:
 
     first: Calibrated
     bases: tuple[Calibrated, ...]
-    log_weights: NDArray[np.float64]
+    log_weights: Floats
     diagnosis: ModeDiagnosis | None = None
 
     @property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Floats:
         """Probabilities of the bases, of them together 1, (n_bases,)."""
         return np.exp(self.log_weights - np.logaddexp.reduce(self.log_weights))
 
@@ -294,7 +294,7 @@ def concluded(done: Searched[ModeProblem]) -> ModeDiagnosis:
     return replace(out, reason=reason, next_measurements=_next(out) if done.finished else ())
 
 
-def _reported(done: Searched[ModeProblem]) -> Hypothesis:
+def _reported(done: Searched[ModeProblem]) -> ScoredFit:
     return done.best if done.explains or not done.finished else done.search.known[frozenset()]
 
 
@@ -323,7 +323,7 @@ def _bad_readings(done: Searched[ModeProblem], problem: ModeProblem) -> list[Bad
 
 
 def _table(
-    problem: ModeProblem, nothing: Hypothesis, final: Hypothesis, readings: Sequence[BadReading]
+    problem: ModeProblem, nothing: ScoredFit, final: ScoredFit, readings: Sequence[BadReading]
 ) -> ModeTable:
     t = problem.targets
     bad = np.full(t.n, np.nan)

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.modes import Modes
+from fem.array_types import Floats, Ints
 from updating.diagnosis.fitted_modes import damped_modes
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.inference.mode_targets import mac_of
@@ -30,8 +30,8 @@ class ReportedModes:
     """
 
     modes: Modes
-    partner: NDArray[np.int64]
-    mac: NDArray[np.float64] | None
+    partner: Ints
+    mac: Floats | None
 
 
 def reported_modes(d: ModeDiagnosis) -> ReportedModes:

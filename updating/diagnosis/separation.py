@@ -96,12 +96,10 @@ class Decisive:
     share: float
 
 
-def what_decides(
-    problem: FitProblem, first: FitResult, second: FitResult, n_bands: int = 8, most: int = 4
-) -> tuple[Decisive, ...]:
-    """Return the pieces of the data that speak most for the first of two fits, the strongest first.
+def what_decides(problem: FitProblem, first: FitResult, second: FitResult) -> tuple[Decisive, ...]:
+    """Return the four pieces of the data that speak most for the first of two fits, the strongest first.
 
-    A piece is one FRF in one of ``n_bands`` bands with equally many lines. What it says is the difference of
+    A piece is one FRF in one of eight bands with equally many lines. What it says is the difference of
     the sums of the squared weighted log ratios.
     """
     ratios = [problem.log_ratio(fit) for fit in (first, second)]
@@ -109,11 +107,11 @@ def what_decides(
     squares = [np.where(np.isfinite(r), np.abs(weight * r) ** 2, 0.0) for r in ratios]
     gain = squares[1] - squares[0]
     f = problem.data.frequency
-    pieces = np.array_split(np.arange(len(f)), min(n_bands, len(f)))
+    pieces = np.array_split(np.arange(len(f)), min(8, len(f)))
     evidence = np.stack([gain[lines].sum(axis=0) for lines in pieces])
     total = evidence[evidence > 0].sum()
     out = []
-    for k in np.argsort(-evidence, axis=None)[:most]:
+    for k in np.argsort(-evidence, axis=None)[:4]:
         b, i, j = np.unravel_index(k, evidence.shape)
         if evidence[b, i, j] <= 0:
             break

@@ -24,13 +24,14 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.model import Effect, Model
 from fem.summary import percent
 from fem.system import assemble, mass_forces
 from updating.diagnosis.baseline import calibrate
 from updating.diagnosis.carried import CHANGED
 from updating.diagnosis.evidence.diagnosis import Searched, search_progress
-from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.hypothesis import ScoredFit
 from updating.diagnosis.evidence.mode_ranking import ModeRanking
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.mode_diagnosis import (
@@ -103,7 +104,7 @@ def with_first_errors(calibrated: Calibrated, after: ModeTargets) -> ModeTargets
     return replace(after, frequency_std=f, zeta_std=zeta, shape_std=shape)
 
 
-def _common_modes(calibrated: Calibrated, after: ModeTargets) -> NDArray[np.int64]:
+def _common_modes(calibrated: Calibrated, after: ModeTargets) -> Ints:
     """Return the mode of the first state that each of the second was, -1 where that or the model has none."""
     before = calibrated.problem.targets
     out = partners(before, after)
@@ -115,7 +116,7 @@ def same_sensors(before: ModeTargets, after: ModeTargets) -> bool:
     return after.has_shapes and [s.name for s in after.sensors] == [s.name for s in before.sensors]
 
 
-def partners(before: ModeTargets, after: ModeTargets) -> NDArray[np.int64]:
+def partners(before: ModeTargets, after: ModeTargets) -> Ints:
     """Return the mode of the first state that each of the second was, -1 for none."""
     if before.numbers is not None and after.numbers is not None:
         known = {int(n): k for k, n in enumerate(before.numbers)}
@@ -131,7 +132,7 @@ def partners(before: ModeTargets, after: ModeTargets) -> NDArray[np.int64]:
     return out
 
 
-def _shape_difference(measured: NDArray[np.number], computed: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shape_difference(measured: NDArray[np.number], computed: Floats) -> Floats:
     """Return measured less computed shape, scaled as the computed one; 0 at gaps."""
     known = np.isfinite(measured)
     out = np.zeros(len(computed))
@@ -264,9 +265,9 @@ def change_since(
     return replace(out, notes=(*_notes_on(baseline, base), *out.notes), baseline=base, judged=baseline)
 
 
-def _found_beside(ways: Iterable[Searched[ModeProblem]]) -> tuple[Hypothesis, ...]:
+def _found_beside(ways: Iterable[Searched[ModeProblem]]) -> tuple[ScoredFit, ...]:
     """Return what changes the data as probably as the best does, beside other models of the first state."""
-    best: dict[frozenset[str], Hypothesis] = {}
+    best: dict[frozenset[str], ScoredFit] = {}
     for way in ways:
         every = [h for h in way.search.known.values() if h.effects and h.score > way.best.score - TWIN_NATS]
         best = {h.key: h for h in every} | best

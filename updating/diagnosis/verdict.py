@@ -9,7 +9,7 @@ from fem.model import Effect, Model
 from fem.summary import counted, listed, percent, summary
 from updating.diagnosis.departures import Departure
 from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.hypothesis import ScoredFit
 from updating.diagnosis.findings import EffectParameter, Finding, Ranked, Step, labels, parameters_of
 from updating.diagnosis.mode_table import HALF, ModeTable
 from updating.inference.fit import FitProblem
@@ -256,14 +256,14 @@ def explanations_of(done: Searched) -> tuple[Explanation, ...]:
     return tuple(sorted(out, key=lambda e: -e.probability))
 
 
-def _weighed(done: Searched) -> list[tuple[Hypothesis, float]]:
+def _weighed(done: Searched) -> list[tuple[ScoredFit, float]]:
     """Return hypotheses with their probabilities: one of several searches is the same in all of them."""
     evidence = done.evidence
     every = [(h, float(np.exp(h.score - evidence))) for h in done.weighed]
     if not done.otherwise:
         return every
     known = {id(h) for way in (done, *done.otherwise) for h in way.search.known.values()}
-    same: dict[tuple[str, ...], tuple[Hypothesis, float]] = {}
+    same: dict[tuple[str, ...], tuple[ScoredFit, float]] = {}
     for h, p in every:
         if id(h) in known:
             first, others = same.get(done.names(h), (h, 0.0))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Bools, Ints
 from fem.model import Effect, ParameterRef, parameter_values
 from updating.forecast.grid import Grid, Little
 from updating.forecast.look import Complexes, Floats, Look
@@ -36,8 +37,6 @@ SMALL_SHARE = 0.01
 """A size is forecast by the slope at this share of it [-]."""
 TOGETHER = 64
 """Number of small changes that are judged at once."""
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,7 +239,7 @@ class Forecast:
         change: Complexes,
         replaced: Sequence[tuple[ParameterRef, ...]],
         most: Floats,
-        one_sided: NDArray[np.bool_],
+        one_sided: Bools,
     ) -> None:
         """Write what changes (n, m) of the residuals by effects that replace some parameters do."""
         look, m = self.look, len(self.look.share)

@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect, Parameter, ParameterRef
 from fem.reduction.reduced_model import ReducedModel
 
@@ -150,7 +150,7 @@ class Little:
     grid: Grid
     points: tuple[dict[str, float], ...]
     absent: float | None
-    most: NDArray[np.float64]
+    most: Floats
 
     @classmethod
     def of(cls, grid: Grid, values: Mapping[ParameterRef, float], n_places: int = 0) -> "Little":

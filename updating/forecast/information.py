@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from updating.least_squares.costs import Costs
 
 N_DOUBLED, N_HALVED = 8, 20
@@ -13,8 +14,6 @@ N_DOUBLED, N_HALVED = 8, 20
 
 SMALL = 1e-9
 """What is known of an unknown is no less than this share of it: of two that do the same [-]."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats
 from fem.model import ParameterRef
 from fem.recent import Recent
 from fem.reduction.scaling import scale_factors
@@ -36,8 +36,6 @@ EXPLAINED_TOGETHER = 16
 """Number of candidates whose grids are adapted to at once."""
 
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 P = TypeVar("P", bound=Problem[Any])
 C = TypeVar("C", bound=ResidualChanges)
 
@@ -295,7 +293,7 @@ class Look(Generic[P, C]):
         return float(costs[k]), little.values(k, float(factors[k]))
 
     def best_multiples(
-        self, now: Complexes, change: Complexes, most: Floats, one_sided: bool | NDArray[np.bool_]
+        self, now: Complexes, change: Complexes, most: Floats, one_sided: bool | Bools
     ) -> tuple[Floats, Floats, Floats]:
         """Return the best multiples of adapted changes, (n,), within ± ``most`` or from 0 to it.
 
@@ -303,7 +301,7 @@ class Look(Generic[P, C]):
         """
         return _best_multiples(now, change, most, one_sided, self.weights)
 
-    def sees(self, change: Complexes, resolution: Floats) -> NDArray[np.bool_]:
+    def sees(self, change: Complexes, resolution: Floats) -> Bools:
         """Return which changes (n, m or more) any residual sees, (n,)."""
         return np.asarray((np.abs(change[:, : len(resolution)]) >= resolution).any(axis=1), dtype=np.bool_)
 
@@ -456,7 +454,7 @@ class Look(Generic[P, C]):
         root = np.sqrt(np.concatenate([self.weights[:m], self.weights]))
         return np.hstack([r[:, :m].real, r[:, :m].imag, r[:, m:].real]) * root
 
-    def low_levels(self, change: Complexes, most: Floats, one_sided: NDArray[np.bool_]) -> Floats:
+    def low_levels(self, change: Complexes, most: Floats, one_sided: Bools) -> Floats:
         """Return the levels on the low band with the best multiples of n changes (n, m) of it, (n,)."""
         low_band = ~self.residuals.full_band
         low = self.residuals.now[low_band]
@@ -580,11 +578,7 @@ class Look(Generic[P, C]):
 
 
 def _best_multiples(
-    now: Complexes,
-    change: Complexes,
-    most: Floats,
-    one_sided: bool | NDArray[np.bool_],
-    weight: Floats,
+    now: Complexes, change: Complexes, most: Floats, one_sided: bool | Bools, weight: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Return the best multiples (n,) of changes (n, m) of residuals (m,) or (n, m).
 
@@ -599,7 +593,7 @@ def _best_multiples(
     return np.clip(-slope / np.where(size > 0, size, 1.0), least, most), size, slope
 
 
-def _finite_rows(change: Complexes) -> NDArray[np.bool_]:
+def _finite_rows(change: Complexes) -> Bools:
     return np.asarray(np.isfinite(change).all(axis=1), dtype=np.bool_)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
+from fem.array_types import Floats
 from fem.model import Model, ModelError
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.places import Places, channels
@@ -103,7 +104,7 @@ def frf_data(
     return Measurement(frf, sensors, excitations, **given)
 
 
-def _level(noise: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _level(noise: ArrayLike, shape: tuple[int, ...]) -> Floats:
     given = np.asarray(noise, dtype=float)
     try:
         level = np.broadcast_to(given, shape)
@@ -201,7 +202,7 @@ def mode_data(
     )
 
 
-def _check_shapes(shapes: NDArray[np.number], frequency: NDArray[np.float64], n_out: int) -> None:
+def _check_shapes(shapes: NDArray[np.number], frequency: Floats, n_out: int) -> None:
     """Refuse shapes of another size, infinite values, and modes that were measured at one output or none."""
     if shapes.shape != (n_out, frequency.size):
         msg = (

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.linalg.solvers import factorise
 from fem.reduction.reduced_model import ReducedModel
 from fem.system import assemble, connection_stiffness
@@ -31,9 +31,7 @@ def with_responses(problem: FrfInputs, result: FitResult, n_lines: int) -> tuple
     return error, problem.reduced.with_shapes(responses, 1e-4)
 
 
-def direct_responses(
-    problem: FrfInputs, result: FitResult, n_lines: int
-) -> tuple[float, NDArray[np.float64]]:
+def direct_responses(problem: FrfInputs, result: FitResult, n_lines: int) -> tuple[float, Floats]:
     """Return the error of the reduced basis against direct solutions at some lines [nepers], and these.
 
     Effects that depend on amplitude are left out of both. The solutions, (n_dof, 2 n_lines n_in), are real

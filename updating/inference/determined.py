@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fem.array_types import Bools, Floats
 
 SEEN = 1e-3
 """Least change of the data that counts, for a change of an unknown by its width [standard deviations]."""
@@ -15,9 +16,7 @@ SHARE = 1e-2
 """Part of a direction beyond which an unknown takes part in it [-]."""
 
 
-def blind_directions(
-    A: NDArray[np.float64], width: NDArray[np.float64], prior: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def blind_directions(A: Floats, width: Floats, prior: Floats) -> Floats:
     """Return directions of unknowns along which the merit does not change, in units of their widths, (n, k).
 
     Parameters
@@ -33,9 +32,7 @@ def blind_directions(
     return vectors[:, values < SEEN**2]
 
 
-def _information(
-    A: NDArray[np.float64], width: NDArray[np.float64], prior: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _information(A: Floats, width: Floats, prior: Floats) -> tuple[Floats, Floats]:
     """Return information and directions in units of widths; where A is rounding, that of the priors."""
     if not len(A):
         return np.zeros(0), np.zeros((0, 0))
@@ -47,9 +44,7 @@ def _information(
     return values, vectors
 
 
-def split_covariance(
-    A: NDArray[np.float64], width: NDArray[np.float64], prior: NDArray[np.float64], fixed: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def split_covariance(A: Floats, width: Floats, prior: Floats, fixed: Bools) -> tuple[Floats, Floats]:
     """Return the covariance (n, n) of the free unknowns, and the directions without information (n, k).
 
     Along the latter there is no variance in the former; rows of fixed ones are 0.
@@ -68,14 +63,12 @@ def split_covariance(
     return out, blind
 
 
-def taking_part(blind: NDArray[np.float64]) -> NDArray[np.bool_]:
+def taking_part(blind: Floats) -> Bools:
     """Mark the unknowns that take part in directions without information, (n,)."""
     return (blind**2).sum(axis=1) > SHARE**2
 
 
-def blind_words(
-    blind: NDArray[np.float64], names: Sequence[str], what: str, moved: NDArray[np.bool_]
-) -> list[str]:
+def blind_words(blind: Floats, names: Sequence[str], what: str, moved: Bools) -> list[str]:
     """Return sentences on unknowns that data do not determine: alone, or but for a combination of several.
 
     Parameters

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from fem.analysis.frf import FRF
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
@@ -46,12 +46,12 @@ class FitProblem(FrfInputs, Problem[FitData]):
     make_function: Callable[..., FrfFunction] = FrfFunction
 
     @property
-    def stages(self) -> NDArray[np.float64]:
+    def stages(self) -> Floats:
         """Upper ends of the bands [Hz]."""
         return self.bands
 
     def function(
-        self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
+        self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: Ints
     ) -> FrfFunction:
         """Return the residuals at some lines as a function of all that varies."""
         function = self.make_function(self, tuple(effects), *self.unknowns(effects, starts), lines)
@@ -78,9 +78,7 @@ class FitProblem(FrfInputs, Problem[FitData]):
         """Whether the FRFs are those at complex frequencies."""
         return self.decay > 0
 
-    def deviation(
-        self, result: FitResult, lines: NDArray[np.int64] | None = None
-    ) -> NDArray[np.float64] | None:
+    def deviation(self, result: FitResult, lines: Ints | None = None) -> Floats | None:
         """Return the standard deviation of the ln|H| that a fit predicts, (n_lines, n_out, n_in) [-].
 
         √(gᵀ C g) with C the covariance of all that was fitted and g the derivatives of ln|H| (first order;
@@ -195,7 +193,7 @@ class FitProblem(FrfInputs, Problem[FitData]):
         z = self._strains(result)
         return as_of_one(float(z.max(initial=0.0)), int(np.count_nonzero(z)))
 
-    def _strains(self, result: FitResult) -> NDArray[np.float64]:
+    def _strains(self, result: FitResult) -> Floats:
         std = self.data.measurement.errors.std
         z = result.channels / np.where(std > 0, std, 1.0)
         return np.abs([*self.strains(result).values(), *z.ravel()])
@@ -209,7 +207,7 @@ class FitProblem(FrfInputs, Problem[FitData]):
         known = ((v, v.to_x(result.values[v.ref])) for v in self.nuisance_unknowns if v.ref in result.values)
         return {v.ref: (x - v.mean) / v.std for v, x in known if v.has_prior}
 
-    def assessed(self, result: FitResult, H: NDArray[np.complex128] | None = None) -> FitResult:
+    def assessed(self, result: FitResult, H: Complexes | None = None) -> FitResult:
         """Return a result with its errors on fitted and on held-out lines.
 
         ``H`` are its receptances, where they are known, (n_freq, n_out, n_in).
@@ -224,7 +222,7 @@ class FitProblem(FrfInputs, Problem[FitData]):
             unseen=self._unseen(ratio[held_out], lines[held_out]),
         )
 
-    def _unseen(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64]) -> float:
+    def _unseen(self, ratio: Complexes, lines: Ints) -> float:
         """Return the negative log likelihood of lines that no fit has seen, as that of the others is."""
         r = (self.data.weight[lines] * ratio)[self.data.mask[lines]]
         if not r.size:
@@ -232,7 +230,7 @@ class FitProblem(FrfInputs, Problem[FitData]):
         function = self.function((), (), lines)
         return function.levels().cost(function.mean_by_group(pseudo_huber(r, ROBUST)))
 
-    def level(self, ratio: NDArray[np.complex128], lines: NDArray[np.int64] | NDArray[np.bool_]) -> float:
+    def level(self, ratio: Complexes, lines: Ints | Bools) -> float:
         """Return the robust residual level of log ratios at some lines, amplitude and phase [nepers].
 
         NaN if none of them counts.
@@ -242,12 +240,12 @@ class FitProblem(FrfInputs, Problem[FitData]):
             return float("nan")
         return float(np.sqrt(np.nanmean(pseudo_huber(r, ROBUST))))
 
-    def log_ratio(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
+    def log_ratio(self, result: FitResult, lines: Ints | None = None) -> Complexes:
         """Return ln(computed / measured) at some or all lines, NaN where masked."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         return self._log_ratio(self.receptance(result, lines), lines)
 
-    def _log_ratio(self, H: NDArray[np.complex128], lines: NDArray[np.int64]) -> NDArray[np.complex128]:
+    def _log_ratio(self, H: Complexes, lines: Ints) -> Complexes:
         ratio = log_ratio(H, self.data.H[lines])
         return np.where(self.data.mask[lines], self.data.seen(ratio), complex("nan"))
 
@@ -260,14 +258,14 @@ class FitProblem(FrfInputs, Problem[FitData]):
         """The measured FRFs as they were compared: in the band, wrong signs set right."""
         return self.as_measured(self.data.H)
 
-    def as_measured(self, H: NDArray[np.complex128]) -> FRF:
+    def as_measured(self, H: Complexes) -> FRF:
         """Return receptances as FRFs in the kind of the measurement."""
         m = self.data.measurement.frf
         frf = m.with_receptances(H)
         return frf if self.data.phase else replace(frf, H=np.abs(frf.H).astype(complex))
 
 
-def _rms(error: NDArray[np.float64]) -> float:
+def _rms(error: Floats) -> float:
     x = error[np.isfinite(error)]
     return float(np.sqrt((x**2).mean()) * DB_PER_NEPER) if x.size else float("nan")
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
 from fem.analysis.referred import References
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Model
 from fem.summary import fields_summary
 from updating.correlation import DB_PER_NEPER
@@ -39,7 +40,7 @@ MODEL_ERROR = 0.05
 """Relative accuracy that is asked of a model where the measurement is better than that [-]."""
 
 
-def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
+def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> Floats:
     """Return sensors as combinations of DOFs, shape (n_dof, n).
 
     Raises
@@ -53,7 +54,7 @@ def sensor_vectors(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float6
 
 def ends_of(
     model: Model, sensors: Sequence[Sensor], excitations: Sequence[Sensor]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], References | None]:
+) -> tuple[Floats, Floats, References | None]:
     """Return all outputs and inputs as combinations of DOFs, (n_dof, n), and what the outputs refer to.
 
     Behind the sensors stand those that the excitations refer to.
@@ -91,17 +92,17 @@ class FitData:
     """
 
     measurement: Measurement
-    frequency: NDArray[np.float64]
-    H: NDArray[np.complex128]
-    mask: NDArray[np.bool_]
-    weight: NDArray[np.float64]
-    noise: NDArray[np.float64]
-    held_out: NDArray[np.bool_]
+    frequency: Floats
+    H: Complexes
+    mask: Bools
+    weight: Floats
+    noise: Floats
+    held_out: Bools
 
     __repr__ = fields_summary
 
     @property
-    def uncertain(self) -> NDArray[np.float64]:
+    def uncertain(self) -> Floats:
         """Relative uncertainty of each reading: noise, and motion transverse to the sensor [-]."""
         weight = np.where(self.mask & (self.weight > 0), self.weight, 1.0)
         return np.maximum(MODEL_ERROR * np.sqrt(np.maximum(weight**-2 - 1, 0.0)), self.noise)
@@ -155,9 +156,9 @@ class FitData:
 
 def prepare(
     measurement: Measurement,
-    computed: NDArray[np.complex128] | None = None,
+    computed: Complexes | None = None,
     band: tuple[float, float] | None = None,
-    across: NDArray[np.float64] | None = None,
+    across: Floats | None = None,
 ) -> FitData:
     """Prepare measured FRFs for fits.
 
@@ -204,9 +205,7 @@ def prepare(
     return FitData(kept, frf.frequency, H, mask, weight, noise, lines_held_out(kept, frf.frequency))
 
 
-def counted_values(
-    frf: FRF, uncertain: NDArray[np.float64], computed: NDArray[np.complex128] | None = None
-) -> NDArray[np.bool_]:
+def counted_values(frf: FRF, uncertain: Floats, computed: Complexes | None = None) -> Bools:
     """Return which values of measured FRFs count, (n_freq, n_out, n_in): in comparisons, fits and updates.
 
     Parameters
@@ -234,7 +233,7 @@ def counted_values(
     return mask & (mask.mean(axis=0) > 0.2)
 
 
-def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
+def _noise_of(measurement: Measurement) -> Floats:
     """Return the relative noise that is known from coherence or repeats, or else that of the data.
 
     Known values are kept between a millionth and 10, and infinite ones, as where H is 0, become 10, so that
@@ -247,7 +246,7 @@ def _noise_of(measurement: Measurement) -> NDArray[np.float64]:
     return np.clip(noise, 1e-6, 10.0) if known is not None else np.where(np.isfinite(noise), noise, 10.0)
 
 
-def noise_squares(data: FitData, lines: NDArray[np.int64]) -> NDArray[np.float64]:
+def noise_squares(data: FitData, lines: Ints) -> Floats:
     """Return how much of the squares of the weighted residuals at some lines is put down to noise, (m,)."""
     square = data.n_parts * (SYSTEMATIC_FROM * data.weight[lines] * data.noise[lines]) ** 2
     return square[data.mask[lines]]

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Effect, ParameterRef
 from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_inputs import FitInputs
@@ -76,17 +76,15 @@ class FitFunction(ABC, Generic[P]):
     problem: P
     effects: tuple[Effect, ...]
     variables: tuple[ScaledUnknown, ...]
-    start: NDArray[np.float64]
-    lines: NDArray[np.int64]
+    start: Floats
+    lines: Ints
     scatter: FormScatter | None = None
 
     @abstractmethod
-    def __call__(
-        self, x: NDArray[np.float64], gradient: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+    def __call__(self, x: Floats, gradient: bool) -> tuple[Complexes, Complexes | None]:
         """Return the weighted residuals, (m,), and their Jacobian, (n, m), if asked."""
 
-    def linearised(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], Jacobian]:
+    def linearised(self, x: Floats) -> tuple[Complexes, Jacobian]:
         """Return the weighted residuals, (m,), and their Jacobian."""
         r, J = self(x, True)
         assert J is not None
@@ -94,24 +92,24 @@ class FitFunction(ABC, Generic[P]):
 
     @property
     @abstractmethod
-    def groups(self) -> NDArray[np.int64]:
+    def groups(self) -> Ints:
         """Group of each residual, (m,); each has its own level of error."""
 
     @property
     @abstractmethod
-    def of_modes(self) -> NDArray[np.bool_]:
+    def of_modes(self) -> Bools:
         """Which groups are those of modes, (n_groups,)."""
 
     @abstractmethod
-    def noise(self) -> NDArray[np.float64]:
+    def noise(self) -> Floats:
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
 
     @abstractmethod
-    def allowed_squares(self) -> NDArray[np.float64]:
+    def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
 
     @abstractmethod
-    def errors(self, x: NDArray[np.float64]) -> Errors:
+    def errors(self, x: Floats) -> Errors:
         """Return how far the computed model is from what was measured."""
 
     @abstractmethod
@@ -130,7 +128,7 @@ class FitFunction(ABC, Generic[P]):
     def words_of(self, stage: float) -> str:
         """Return the name of a stage of the fit."""
 
-    def changes_of_modes(self, x: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.float64]:
+    def changes_of_modes(self, x: Floats, steps: Floats) -> Floats:
         """Return the largest change of each mode by steps of single unknowns (n,), if modes alone are fitted.
 
         In standard deviations, (n_modes,); without entries for other data [-].
@@ -156,17 +154,17 @@ class FitFunction(ABC, Generic[P]):
         return [ref for v in self.variables for ref in v.refs]
 
     @property
-    def _scatter_std(self) -> NDArray[np.float64]:
+    def _scatter_std(self) -> Floats:
         return np.zeros(0) if self.scatter is None else self.scatter.std
 
     @property
-    def units(self) -> NDArray[np.float64]:
+    def units(self) -> Floats:
         """Size of one unit of each x: 1 where it is a logarithm, or in that of the parameter."""
         others = len(self.start) - len(self.variables)
         return np.array([*(v.size for v in self.variables), *np.ones(others)])
 
     @property
-    def relative(self) -> NDArray[np.bool_]:
+    def relative(self) -> Bools:
         """Which x is in parts of a scale, (n,), rather than a logarithm."""
         others = len(self.start) - len(self.variables)
         return np.array([*(not v.log for v in self.variables), *[False] * others])
@@ -183,7 +181,7 @@ class FitFunction(ABC, Generic[P]):
             mean[k], std[k] = effect_prior.mean, effect_prior.std
         return Prior(mean, std)
 
-    def prior_at(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def prior_at(self, x: Floats) -> tuple[Floats, Floats]:
         """Return how far x is from the prior's mean, and the deviations of a normal prior there, (n,) each.
 
         Of a size that may be of any order of magnitude it has the density that the prior has at x.
@@ -205,7 +203,7 @@ class FitFunction(ABC, Generic[P]):
             if v.ref[0] in by_name
         }
 
-    def moved_to(self, result: FitResult) -> NDArray[np.float64]:
+    def moved_to(self, result: FitResult) -> Floats:
         """Return the start with nuisance parameters, damping and as many small deviations of a result."""
         x, (_, damping, scatter) = self.start.copy(), self._parts
         added = {e.name for e in self.effects}
@@ -221,27 +219,27 @@ class FitFunction(ABC, Generic[P]):
                 x[n:] = self.scatter.channels.sizes(result.channels)
         return x
 
-    def point_of(self, result: FitResult) -> NDArray[np.float64]:
+    def point_of(self, result: FitResult) -> Floats:
         """Return x of a result that has the same unknowns, whatever it was started from; no scatter."""
         parameters = [v.to_x(result.values[v.ref]) for v in self.variables]
         return np.concatenate([parameters, np.log(result.zeta), self.start[self._parts[2]]])
 
-    def limits(self) -> NDArray[np.float64]:
+    def limits(self) -> Floats:
         """Return the bounds of x, shape (n, 2)."""
         bounds = np.array([v.bounds() for v in self.variables]).reshape(-1, 2)
         n = len(self._scatter_std)
         return np.vstack([bounds, self.problem.damping.limits, np.tile([-np.inf, np.inf], (n, 1))])
 
-    def mean_by_group(self, each: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mean_by_group(self, each: Floats) -> Floats:
         """Return the means of something over the residuals of each group, (n_groups,)."""
         member = np.unique(self.groups, return_inverse=True)[1]
         return np.bincount(member, each) / np.bincount(member)
 
-    def misfit(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def misfit(self, x: Floats) -> Floats:
         """Return the robust mean squares of the residuals of each group, (n_groups,)."""
         return self.mean_by_group(pseudo_huber(self(x, False)[0], ROBUST))
 
-    def quadratic(self, x: NDArray[np.float64], levels: Costs) -> Quadratic:
+    def quadratic(self, x: Floats, levels: Costs) -> Quadratic:
         """Return the mean squares of all groups near x as quadratic functions of the unknowns' changes."""
         r, J = self.linearised(x)
         n_apart = 0 if self.scatter is None else self.scatter.n_channels
@@ -249,7 +247,7 @@ class FitFunction(ABC, Generic[P]):
 
     def minimise(
         self,
-        x: NDArray[np.float64],
+        x: Floats,
         stage: float,
         max_iterations: int,
         *,
@@ -321,12 +319,7 @@ class FitFunction(ABC, Generic[P]):
         )
 
 
-def propagated(
-    residual: Residual,
-    x: NDArray[np.float64],
-    units: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def propagated(residual: Residual, x: Floats, units: Floats, covariance: Floats) -> Floats:
     """Return √(gᵀ C g), (m,), of the real parts of residuals, with g their derivatives by x in its units."""
     _, J = residual(x, True)
     assert J is not None

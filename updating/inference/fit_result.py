@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect, Model, ParameterRef
 from fem.summary import counted, listed, summary
 from updating.inference.solve import Solution
@@ -57,19 +57,19 @@ class FitResult:
     solution: Solution
     values: Mapping[ParameterRef, float]
     std: Mapping[ParameterRef, float]
-    zeta: NDArray[np.float64]
+    zeta: Floats
     effects: tuple[Effect, ...]
     fit_db: float
     held_out_db: float
     level: float
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     unseen: float = np.nan
-    scatter: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
-    channels: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
-    channels_std: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
+    scatter: Floats = field(default_factory=lambda: np.zeros(0))
+    channels: Floats = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
+    channels_std: Floats = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
     log_evidence: float = np.nan
     levels: Costs | None = None
-    misfit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    misfit: Floats = field(default_factory=lambda: np.zeros(0))
     size: float | None = None
 
     def with_estimated(
@@ -98,11 +98,11 @@ class FitResult:
         """Ln p(data | values), up to the constant of the evidence."""
         return self.log_likelihood_at(self.misfit)
 
-    def log_likelihood_at(self, misfit: NDArray[np.float64]) -> float:
+    def log_likelihood_at(self, misfit: Floats) -> float:
         """Return the same with other mean squares of the groups."""
         return -self._costs.cost(misfit)
 
-    def gain_to(self, allowed: NDArray[np.float64] | float) -> float:
+    def gain_to(self, allowed: Floats | float) -> float:
         """Return by how much the log likelihood would rise with mean squares at most so far above noise."""
         costs = self._costs
         return costs.gain(self.misfit, costs.noise + allowed)

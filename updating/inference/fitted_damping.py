@@ -5,14 +5,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.connection_damping import ConnectionDamping
 from fem.model import Damping, Model
 from updating.inference.fit_result import FitResult
 from updating.inference.problem import Problem
 
-Connections = tuple[NDArray[np.float64], NDArray[np.float64]] | None
+Connections = tuple[Floats, Floats] | None
 """Frequencies [Hz] and ratios of connections that are damped otherwise than the structure."""
 DENSE = 64
 """Frequencies between two of a nominal curve that is no power of frequency, at which it is written [-]."""

@@ -8,9 +8,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.array_types import Complexes, Floats
+from fem.array_types import Complexes, Floats, Ints
 from fem.model import Effect, parameter_values
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.terms import ReducedTerm
@@ -34,8 +33,8 @@ class FrfChanges(ResidualChanges):
     """
 
     problem: Any
-    lines: NDArray[np.int64]
-    at: NDArray[np.int64]
+    lines: Ints
+    at: Ints
     measured: Complexes
     weight: Floats
     # By the constraints that an effect releases.
@@ -138,6 +137,6 @@ def n_lines(problem: Any) -> int:
     return min(FULL_LINES, max(20_000_000 // responses, LEAST_LINES))
 
 
-def _some(n: int, most: int) -> NDArray[np.int64]:
+def _some(n: int, most: int) -> Ints:
     """Return at most ``most`` of n positions, scattered: a fixed step might miss channels entirely."""
     return np.sort(np.random.default_rng(0).permutation(n)[:most])

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.set_ups import SetUpsFRF
@@ -29,12 +29,10 @@ class FrfFunction(FitFunction[FrfInputs]):
     """Weighted ln(computed / measured) of FRFs at some lines, as a function of all that varies."""
 
     # The end of a fit is asked for again.
-    _end: tuple[bytes, NDArray[np.complex128], FrfJacobian] | None = field(
-        default=None, init=False, repr=False
-    )
+    _end: tuple[bytes, Complexes, FrfJacobian] | None = field(default=None, init=False, repr=False)
 
     @property
-    def keep(self) -> NDArray[np.bool_]:
+    def keep(self) -> Bools:
         """Which values count, (n_lines, n_out, n_in)."""
         return self.problem.data.mask[self.lines]
 
@@ -53,20 +51,18 @@ class FrfFunction(FitFunction[FrfInputs]):
         return self.problem.in_set_ups(engine)
 
     @cached_property
-    def _damping(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _damping(self) -> tuple[Floats, Floats]:
         """Hat functions and offset of the damping curve at the lines."""
         curve, frequency = self.problem.damping, self.problem.data.frequency[self.lines]
         return curve.hats(frequency), curve.offset(frequency)
 
     @cached_property
-    def _measured(self) -> NDArray[np.complex128]:
+    def _measured(self) -> Complexes:
         """Measured receptances at the lines, 1 where they do not count, so that their logarithm exists."""
         measured = self.problem.data.H[self.lines]
         return np.where(self.keep & (measured != 0), measured, 1.0)
 
-    def __call__(
-        self, x: NDArray[np.float64], gradient: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+    def __call__(self, x: Floats, gradient: bool) -> tuple[Complexes, Complexes | None]:
         """Return the weighted ln(computed / measured), (m,), and its Jacobian, (n, m), if asked."""
         if gradient:
             r, jacobian = self.linearised(x)
@@ -76,7 +72,7 @@ class FrfFunction(FitFunction[FrfInputs]):
         beat()
         return self._residuals(self._engine.evaluate(*self._point(x), gradient=False)[0]), None
 
-    def linearised(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], FrfJacobian]:
+    def linearised(self, x: Floats) -> tuple[Complexes, FrfJacobian]:
         """Return the residuals, (m,), and their Jacobian."""
         at = x.tobytes()
         if self._end is None or self._end[0] != at:
@@ -84,7 +80,7 @@ class FrfFunction(FitFunction[FrfInputs]):
             self._end = at, *self._derived(x)
         return self._end[1:]
 
-    def _derived(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], FrfJacobian]:
+    def _derived(self, x: Floats) -> tuple[Complexes, FrfJacobian]:
         (parameters, *_), (hats, _), (values, zeta) = self._parts, self._damping, self._point(x)
         slopes = [v.slopes(xi) for v, xi in zip(self.variables, x[parameters], strict=True)]
         H, dH = self._engine.slopes_of(values, zeta, np.concatenate([*slopes, self._scatter_std]))
@@ -100,47 +96,47 @@ class FrfFunction(FitFunction[FrfInputs]):
             self.problem.data.phase,
         )
 
-    def _residuals(self, H: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def _residuals(self, H: Complexes) -> Complexes:
         """Return the weighted ln(computed / measured) of receptances, (m,)."""
         r = self.problem.data.weight[self.lines] * log_ratio(H, self._measured)
         return self.problem.data.seen(np.nan_to_num(r, nan=0.0)[self.keep])
 
-    def _point(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _point(self, x: Floats) -> tuple[Floats, Floats]:
         """Return the values of all parameters and deviations, and the damping ratio at each line."""
         (parameters, damping, scatter), (hats, offset) = self._parts, self._damping
         values = values_at(self.variables, x[parameters])
         return np.append(values, self._scatter_std * x[scatter]), np.exp(hats @ x[damping] + offset)
 
-    def receptance(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def receptance(self, x: Floats) -> Complexes:
         """Return the receptances at the lines as the sensors read them, (n_lines, n_out, n_in)."""
         return self._engine.evaluate(*self._point(x), gradient=False)[0]
 
-    def anchor(self, x: NDArray[np.float64]) -> None:
+    def anchor(self, x: Floats) -> None:
         """Prepare :meth:`receptance` for many x that differ from this one in few variables."""
         own, _, scatter = self._parts
         self._engine.anchor(np.append(values_at(self.variables, x[own]), self._scatter_std * x[scatter]))
 
     @property
-    def groups(self) -> NDArray[np.int64]:
+    def groups(self) -> Ints:
         """Band of each residual, each with its own level of error, (m,)."""
         return np.broadcast_to(self.problem.band_of(self.lines)[:, None, None], self.keep.shape)[self.keep]
 
     @property
-    def of_modes(self) -> NDArray[np.bool_]:
+    def of_modes(self) -> Bools:
         """Which groups are those of modes, (n_groups,): none."""
         return np.zeros(len(np.unique(self.groups)), dtype=bool)
 
-    def noise(self) -> NDArray[np.float64]:
+    def noise(self) -> Floats:
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
         return self.mean_by_group(noise_squares(self.problem.data, self.lines))
 
-    def allowed_squares(self) -> NDArray[np.float64]:
+    def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
         problem = self.problem
         square = (DISCREPANCY_MAX * problem.model_error) ** 2 + problem.mesh_level**2
         return np.full(len(np.unique(self.groups)), square)
 
-    def errors(self, x: NDArray[np.float64]) -> Errors:
+    def errors(self, x: Floats) -> Errors:
         """Return how far computed FRFs are from the measured ones."""
         # A model has no such deviations, but channels have.
         n = len(x) - (0 if self.scatter is None else self.scatter.n_channels)

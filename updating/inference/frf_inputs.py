@@ -8,10 +8,10 @@ from functools import partial
 from typing import Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
 from fem.analysis.referred import References
+from fem.array_types import Complexes, Floats, Ints
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, dofs_of
 from fem.reduction.deviations import DeviatingFRF, Deviations
@@ -51,12 +51,12 @@ class LinearResponses:
     def engine(
         self,
         problem: FrfInputs,
-        frequency: NDArray[np.float64],
+        frequency: Floats,
         refs: Sequence[ParameterRef],
         effects: Sequence[Effect],
         release: Sequence[tuple[str, str]],
         deviations: Deviations | None,
-        channels: NDArray[np.float64] | None,
+        channels: Floats | None,
     ) -> ParametricFRF:
         """Return receptances as a function of parameters, which are those of :meth:`FrfInputs.engine`."""
         *_, outputs, inputs = problem.ends
@@ -80,9 +80,7 @@ class LinearResponses:
             references=references,
         )
 
-    def receptance(
-        self, problem: FrfInputs, result: FitResult, lines: NDArray[np.int64]
-    ) -> NDArray[np.complex128]:
+    def receptance(self, problem: FrfInputs, result: FitResult, lines: Ints) -> Complexes:
         """Return the receptances of a fitted model at some lines, (n_lines, n_out, n_in).
 
         With an effect that depends on amplitude they are those at the data's level of force.
@@ -128,7 +126,7 @@ class FrfInputs(FitInputs[FitData]):
         How the receptances that are compared with the data follow from the model.
     """
 
-    bands: NDArray[np.float64] = field(default_factory=lambda: np.array([np.inf]))
+    bands: Floats = field(default_factory=lambda: np.array([np.inf]))
     n_modes: int = 10
     n_lines: int = 160
     modes: ModeTargets | None = None
@@ -146,13 +144,13 @@ class FrfInputs(FitInputs[FitData]):
         return summary(self, f"{vary}, {size}, at most {counted(self.n_lines, 'line')} fitted; {ends}")
 
     @property
-    def vectors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def vectors(self) -> tuple[Floats, Floats]:
         """Sensors and excitations as combinations of DOFs."""
         outputs, inputs, *_ = self.ends
         return outputs, inputs
 
     @property
-    def misread(self) -> NDArray[np.float64]:
+    def misread(self) -> Floats:
         """Changes of the readings of sensors and excitations by errors, on the basis's columns, (r, n, 5).
 
         Computed once.
@@ -161,14 +159,14 @@ class FrfInputs(FitInputs[FitData]):
         channels = (*m.sensors, *m.excitations)
         model = self.reduced.model
 
-        def made() -> NDArray[np.float64]:
+        def made() -> Floats:
             return np.hstack([c.misread(model) for c in channels])
 
         on_basis = self.reduced.projected(("misread", channels), made)[1]
         return on_basis.reshape(len(on_basis), len(channels), N_ERRORS)
 
     @property
-    def ends(self) -> tuple[NDArray[np.float64], ...]:
+    def ends(self) -> tuple[Floats, ...]:
         """Sensors and excitations as combinations of DOFs, and of the basis's columns (computed once)."""
         ends = (tuple(each) for each in (self.data.measurement.sensors, self.data.measurement.excitations))
         vectors = (
@@ -178,7 +176,7 @@ class FrfInputs(FitInputs[FitData]):
         return outputs, inputs, on_outputs, on_inputs
 
     @property
-    def references(self) -> tuple[References | None, NDArray[np.float64], NDArray[np.float64]]:
+    def references(self) -> tuple[References | None, Floats, Floats]:
         """What responses refer to, and these sensors as combinations of DOFs and of the basis's columns.
 
         Without references the arrays, (n_dof, k) and (r + p, k), have no columns.
@@ -191,12 +189,12 @@ class FrfInputs(FitInputs[FitData]):
 
     def engine(
         self,
-        frequency: NDArray[np.float64],
+        frequency: Floats,
         refs: Sequence[ParameterRef] = (),
         effects: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
         deviations: Deviations | None = None,
-        channels: NDArray[np.float64] | None = None,
+        channels: Floats | None = None,
     ) -> ParametricFRF:
         """Return the sensors' receptances as a function of parameters.
 
@@ -259,14 +257,14 @@ class FrfInputs(FitInputs[FitData]):
         ratio = other.receptance(result) / np.where(known != 0, known, 1.0)
         return replace(other, data=replace(other.data, H=self.data.H * ratio))
 
-    def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
+    def lines_up_to(self, frequency: float, n_lines: int) -> Ints:
         """Return at most ``n_lines`` evenly spaced lines, not held out, up to a frequency."""
         lines = np.flatnonzero((self.data.frequency <= frequency) & ~self.data.held_out)
         if len(lines) <= n_lines:
             return lines
         return lines[np.unique(np.linspace(0, len(lines) - 1, n_lines).round().astype(int))]
 
-    def band_of(self, lines: NDArray[np.int64]) -> NDArray[np.int64]:
+    def band_of(self, lines: Ints) -> Ints:
         """Return which of up to four bands with equally many modes each line is in.
 
         Each has an error level of its own.
@@ -279,9 +277,7 @@ class FrfInputs(FitInputs[FitData]):
         """Return the number of independent data of a discrepancy at the lines up to a frequency."""
         return DATA_PER_MODE * max(3.0, self.n_modes * min(1.0, stage / self.data.frequency[-1]))
 
-    def likelihood(
-        self, n: NDArray[np.float64], size: NDArray[np.float64], noise: NDArray[np.float64]
-    ) -> Levels:
+    def likelihood(self, n: Floats, size: Floats, noise: Floats) -> Levels:
         """Return how probable error levels are of groups of residuals, each (n_groups,).
 
         Parameters
@@ -304,12 +300,12 @@ class FrfInputs(FitInputs[FitData]):
         omega2 = (2 * np.pi * self.data.frequency[self.lines_up_to(np.inf, n_lines)]) ** 2
         return self.reduced.impedance(key, omega2)
 
-    def receptance(self, result: FitResult, lines: NDArray[np.int64] | None = None) -> NDArray[np.complex128]:
+    def receptance(self, result: FitResult, lines: Ints | None = None) -> Complexes:
         """Return the fitted model's receptances as the sensors read them, at some or all lines."""
         lines = np.arange(len(self.data.frequency)) if lines is None else lines
         return self.responses.receptance(self, result, lines)
 
-    def vectors_with(self, element: AmplitudeDependent) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def vectors_with(self, element: AmplitudeDependent) -> tuple[Floats, Floats]:
         """Return sensors and excitations, each with the motion that an element acts on as the last."""
         b = np.zeros((self.reduced.model.n_dof, 1))
         dofs, row = element.strain(self.reduced.model, element.direction)
@@ -317,7 +313,7 @@ class FrfInputs(FitInputs[FitData]):
         outputs, inputs = self.vectors
         return np.hstack([outputs, b]), np.hstack([inputs, b])
 
-    def steady(self, result: FitResult, lines: NDArray[np.int64]) -> Steady:
+    def steady(self, result: FitResult, lines: Ints) -> Steady:
         """Return the steady vibration at the data's level of force with one effect that depends on amplitude.
 
         Without a level the effect keeps the amplitude that it has.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.modes import n_unstable, solve_eigenpairs
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt, ModeStack, ParametricModes, frequency_of
 from fem.reduction.reduced_model import ReducedModel
@@ -60,8 +61,6 @@ DOUBT = 0.01
 HIGHEST = 1.2
 """Modes up to this multiple of the highest measured frequency join the basis of a fit [-]."""
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 Partners = list[tuple[int, int, DampedMode] | None]
 """Measured mode, computed mode and that with its damping, None for one without a partner."""
 
@@ -155,13 +154,13 @@ class ModeProblem(Problem[ModeTargets]):
         share[DAMPING] = 1.0
         return LARGEST_DISCREPANCY * share
 
-    def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
+    def lines_up_to(self, frequency: float, n_lines: int) -> Ints:
         """Return the modes that are fitted, all of them: there are few."""
         return self.targets.fitted
 
     def parametric(
         self,
-        modes: NDArray[np.int64],
+        modes: Ints,
         refs: Sequence[ParameterRef] = (),
         effects: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
@@ -178,7 +177,7 @@ class ModeProblem(Problem[ModeTargets]):
             return out[:, :0]
         return out if self.carried is None else out + self.carried.outputs(self.reduced)
 
-    def seen(self, at: ModesAt) -> NDArray[np.bool_]:
+    def seen(self, at: ModesAt) -> Bools:
         """Return which computed modes the test could have measured."""
         pairs, n_basis = at.pairs(0), self.reduced.basis.T.shape[1]
         vectors = at.columns[:n_basis] @ pairs.vectors
@@ -186,7 +185,7 @@ class ModeProblem(Problem[ModeTargets]):
         return visible_modes(self.reduced, self.targets, self.mass, *one)[0]
 
     def function(
-        self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
+        self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: Ints
     ) -> ModeFunction:
         """Return the residuals of some measured modes as a function of all that varies."""
         return ModeFunction(self, tuple(effects), *self.unknowns(effects, starts), lines)
@@ -349,7 +348,7 @@ class ModeReading:
         return ("frequency", "damping ratio", "shape")[self.kind]
 
 
-def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -> Matched:
+def matched_modes(problem: ModeProblem, at: ModesAt, modes: Ints) -> Matched:
     """Return the computed partners of some measured modes.
 
     A fit that believes every reading may leave one without a partner, too: in its place all modes above it
@@ -359,7 +358,7 @@ def matched_modes(problem: ModeProblem, at: ModesAt, modes: NDArray[np.int64]) -
     return match(some, pairs.frequency, pairs.shapes, problem.seen(at), problem.spread[modes], BAD_PRIOR)
 
 
-def _some_of(targets: ModeTargets, modes: NDArray[np.int64]) -> ModeTargets:
+def _some_of(targets: ModeTargets, modes: Ints) -> ModeTargets:
     """Return the frequencies, shapes and numbers of some measured modes."""
     return replace(
         targets,
@@ -369,7 +368,7 @@ def _some_of(targets: ModeTargets, modes: NDArray[np.int64]) -> ModeTargets:
     )
 
 
-def _partners_in(problem: ModeProblem, stack: ModeStack, modes: NDArray[np.int64]) -> NDArray[np.int64]:
+def _partners_in(problem: ModeProblem, stack: ModeStack, modes: Ints) -> Ints:
     """Return the computed partners of some measured modes in each of several models, (k, n)."""
     vectors, lam = stack.columns @ stack.vectors, stack.eigenvalues
     seen = visible_modes(problem.reduced, problem.targets, problem.mass, lam, stack.n_rigid, vectors)
@@ -429,8 +428,8 @@ class ShapeResiduals:
 
         Golub and Pereyra, *SIAM J. Numer. Anal.* 10, 1973, (4.12).
         """
-        a, b, d = self.a, self.b, self._mixed(moved)
-        d = d if np.iscomplexobj(b) else np.real(d)
+        a, b = self.a, self.b
+        d = self._mixed(moved if np.iscomplexobj(b) else np.real(moved))
         size = _dot(a, a)[:, None, None]
         c = (_dot(a, b)[:, None] / size[:, 0])[:, None]
         e, a = (b - a * c[:, 0])[:, None], a[:, None]
@@ -474,7 +473,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         ]
 
     @cached_property
-    def _known(self) -> NDArray[np.bool_]:
+    def _known(self) -> Bools:
         """Outputs at which each mode was measured, (n_modes, n_out)."""
         t = self._data
         return ~np.isnan(t.shapes[:, self.lines]).T if t.has_shapes else np.zeros((len(self.lines), 0), bool)
@@ -484,17 +483,17 @@ class ModeFunction(FitFunction[ModeProblem]):
         return [len(self._deviation[0]), len(self._deviation[1]), int(self._known.sum())]
 
     @property
-    def kinds(self) -> NDArray[np.int64]:
+    def kinds(self) -> Ints:
         """Kind of each residual: of a frequency, a damping ratio or a shape, (m,)."""
         return np.repeat([FREQUENCY, DAMPING, SHAPE], self._sizes)
 
     @property
-    def groups(self) -> NDArray[np.int64]:
+    def groups(self) -> Ints:
         """Reading that each residual belongs to: kind times the number of modes, and the mode, (m,)."""
         return self.kinds * self._data.n + self.mode_of
 
     @property
-    def of_modes(self) -> NDArray[np.bool_]:
+    def of_modes(self) -> Bools:
         """Which groups are those of modes, (n_groups,): all."""
         return np.ones(len(np.unique(self.groups)), dtype=bool)
 
@@ -578,9 +577,7 @@ class ModeFunction(FitFunction[ModeProblem]):
     def _parametric(self) -> ParametricModes:
         return self.problem.parametric(self.lines, self.refs, self.effects)
 
-    def __call__(
-        self, x: NDArray[np.float64], gradient: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+    def __call__(self, x: Floats, gradient: bool) -> tuple[Complexes, Complexes | None]:
         """Return the weighted residuals, (m,), and their Jacobian, (n, m), if asked."""
         key = x.tobytes()
         if self._last is None or self._last[0] != key:
@@ -660,7 +657,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         return r if common is None else common.removed(r)
 
     @cached_property
-    def _damped(self) -> NDArray[np.int64]:
+    def _damped(self) -> Ints:
         """Modes whose damping was measured, by their place among the lines."""
         return np.flatnonzero(np.isfinite(self._data.zeta[self.lines]))
 
@@ -688,11 +685,11 @@ class ModeFunction(FitFunction[ModeProblem]):
     def _shape_residuals(
         self,
         size: tuple[int, ...],
-        rows: tuple[NDArray[np.int64], NDArray[np.int64]],
-        partner: NDArray[np.int64],
+        rows: tuple[Ints, Ints],
+        partner: Ints,
         phi: NDArray[Any],
         eigenvalues: Floats,
-        n_rigid: NDArray[np.int64],
+        n_rigid: Ints,
         shapes: Floats,
     ) -> ShapeResiduals:
         """Return the residuals of the shapes of k models, one row for each measured mode of each.
@@ -806,7 +803,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         return out if common is None else out + common.log_density
 
     @property
-    def mode_of(self) -> NDArray[np.int64]:
+    def mode_of(self) -> Ints:
         """Which of the measured modes each residual belongs to, (m,)."""
         return np.concatenate(
             [self.lines, self.lines[self._damped], np.repeat(self.lines, self._known.sum(axis=1))]

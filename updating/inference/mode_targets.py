@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats, Ints
 from fem.summary import fields_summary
 from updating.measurement.measurement import Sensor, shapes_like_motions
 
@@ -26,9 +27,6 @@ ALIEN_WIDTH = 0.3
 
 PAIRED, PASSED_OVER, LEFT_OUT = range(3)
 """Steps along two lists of modes in order: a pair, a computed mode alone, a measured one alone."""
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,9 +67,9 @@ class ModeTargets:
     shapes: NDArray[np.number]
     shape_std: Floats
     sensors: tuple[Sensor, ...]
-    numbers: NDArray[np.int64] | None
+    numbers: Ints | None
     plane: str
-    held_out: NDArray[np.bool_]
+    held_out: Bools
     name: str = "modes"
     driven: tuple[Sensor, ...] = ()
 
@@ -168,7 +166,7 @@ class ModeTargets:
         return float(np.sqrt((self.frequency_std[self.fitted] ** 2).mean()))
 
     @property
-    def fitted(self) -> NDArray[np.int64]:
+    def fitted(self) -> Ints:
         """Modes that fits see."""
         return np.flatnonzero(~self.held_out)
 
@@ -190,7 +188,7 @@ class ComputedModes:
     frequency: Floats
     zeta: Floats
     mac: Floats
-    partner: NDArray[np.int64]
+    partner: Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,7 +203,7 @@ class Matched:
         Modal assurance criterion with the partner; NaN without shapes [-].
     """
 
-    partner: NDArray[np.int64]
+    partner: Ints
     mac: Floats
 
 
@@ -213,7 +211,7 @@ def match(
     targets: ModeTargets,
     frequency: Floats,
     shapes: NDArray[np.number],
-    seen: NDArray[np.bool_],
+    seen: Bools,
     spread: Floats | float = SPREAD_BEFORE,
     alien: float = 0.0,
 ) -> Matched:
@@ -226,7 +224,7 @@ def match_each(
     targets: ModeTargets,
     frequency: Floats,
     shapes: NDArray[np.number],
-    seen: NDArray[np.bool_],
+    seen: Bools,
     spread: Floats | float = SPREAD_BEFORE,
     alien: float = 0.0,
 ) -> Matched:
@@ -290,12 +288,8 @@ def mac_of(measured: NDArray[np.number], computed: NDArray[np.number]) -> Floats
 
 
 def _in_order(
-    targets: ModeTargets,
-    frequency: Floats,
-    n_allowed: NDArray[np.int64],
-    spread: Floats | float,
-    alien: float,
-) -> NDArray[np.int64]:
+    targets: ModeTargets, frequency: Floats, n_allowed: Ints, spread: Floats | float, alien: float
+) -> Ints:
     """Return numbers of partners that rise with the measured modes, by dynamic programming; -1 for none.
 
     The cost is Σ ½ ρ(ln f ratio / s), and ``UNSEEN_NATS`` for each computed mode that is passed over. Where a

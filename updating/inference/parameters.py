@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.effects.joint import Spread
 from fem.model import Model, ModelError, ParameterRef
 
@@ -64,26 +64,26 @@ class DampingCurve:
         nominal curve of powers of frequency between the knots unless given.
     """
 
-    knots: NDArray[np.float64]
-    nominal: NDArray[np.float64]
+    knots: Floats
+    nominal: Floats
     std: float
     connections: bool = False
-    base: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    base: Callable[[Floats], Floats] | None = None
 
     @property
-    def start(self) -> NDArray[np.float64]:
+    def start(self) -> Floats:
         """All unknowns at their nominal values, (n_unknowns,)."""
         return np.concatenate([self.nominal, np.ones(2 if self.connections else 0)])
 
     @property
-    def limits(self) -> NDArray[np.float64]:
+    def limits(self) -> Floats:
         """Bounds of their logarithms, (n_unknowns, 2)."""
         ratio = np.log([[1e-5, 0.3]])
         # Connections' damping is let off by at most so many standard deviations; more is an effect of its own
         other = 2.0 * self.std * np.array([[-1.0, 1.0]])
         return np.repeat(np.vstack([ratio, other]), [len(self.knots), 2 if self.connections else 0], axis=0)
 
-    def hats(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    def hats(self, frequency: Floats) -> Floats:
         """Return B, by which ln ζ = B ln(unknowns): (n_freq, n_knots), or (2, n_freq, n_knots + 2).
 
         With connections the second of the two is theirs.
@@ -99,11 +99,11 @@ class DampingCurve:
         out[1, :, len(knots) + 1] = at - knots.mean()
         return out
 
-    def ratio(self, frequency: NDArray[np.float64], unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+    def ratio(self, frequency: Floats, unknowns: Floats) -> Floats:
         """Return ζ at frequencies [Hz], (n_freq,), or with connections that and theirs, (2, n_freq) [-]."""
         return np.exp(self.hats(frequency) @ np.log(unknowns) + self.offset(frequency))
 
-    def offset(self, frequency: NDArray[np.float64]) -> Any:
+    def offset(self, frequency: Floats) -> Any:
         """Return ln ζ less B ln(unknowns), shaped as of :meth:`ratio`; 0 without a base."""
         if self.base is None:
             return 0.0

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.array_types import Complexes, Floats, Ints
 from fem.connection_damping import ConnectionDamping
 from fem.effects.joint import PointPair
 from fem.effects.with_frame import WithFrame
@@ -65,13 +65,13 @@ class ProblemOptions(FitOptions, total=False):
     model_error: float
 
 
-def attachment_forces(model: Model, measurement: Measurement) -> NDArray[np.float64]:
+def attachment_forces(model: Model, measurement: Measurement) -> Floats:
     """Return where forces act or may act: excitations, sensors and the sides of joints, shape (n_dof, k)."""
     every, _ = outputs_of(measurement.sensors, measurement.excitations)
     return forces_at(model, (*measurement.excitations, *every))
 
 
-def forces_at(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
+def forces_at(model: Model, sensors: Sequence[Sensor]) -> Floats:
     """Return forces at sensors, excitations and the sides of joints, shape (n_dof, k)."""
     # Sensors count too: where a response is mostly local stretching, modes alone converge slowly.
     columns = [sensor_vectors(model, sensors)]
@@ -84,7 +84,7 @@ def forces_at(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     return np.hstack(columns)
 
 
-def elastic_frequencies(reduced: ReducedModel, up_to: float) -> NDArray[np.float64]:
+def elastic_frequencies(reduced: ReducedModel, up_to: float) -> Floats:
     """Return the reduced model's elastic natural frequencies up to a frequency [Hz]."""
     lam = reduced.main_modes[0][reduced.basis.n_rigid :]
     f = np.sqrt(np.maximum(lam, 0.0)) / (2 * np.pi)
@@ -181,7 +181,7 @@ def _reduced(
     damping_std: float,
     connections: bool,
     other: ConnectionDamping | None,
-) -> tuple[ReducedModel, DampingCurve, NDArray[np.float64]]:
+) -> tuple[ReducedModel, DampingCurve, Floats]:
     """Return a reduced model without modal damping, the curve of that, and its modes in the band [Hz]."""
     highest = float(frf.frequency[-1])
     undamped = model.with_damping(model.damping.without_modal())
@@ -223,7 +223,7 @@ class NominalRatio:
     others: ConnectionDamping | None
     connections: bool
 
-    def __call__(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, frequency: Floats) -> Floats:
         """Return ζ at frequencies [Hz], (n_freq,), or with connections that and theirs, (2, n_freq)."""
         members = np.maximum(self.damping.ratio_at(frequency), self.least)
         if not self.connections:
@@ -233,7 +233,7 @@ class NominalRatio:
 
 
 def nominal_ratio(
-    model: Model, knots: NDArray[np.float64], other: ConnectionDamping | None, connections: bool
+    model: Model, knots: Floats, other: ConnectionDamping | None, connections: bool
 ) -> NominalRatio:
     """Return the nominal damping ratio of a model, ``NOMINAL_RATIO`` where it has no damping."""
     d = model.damping
@@ -293,7 +293,7 @@ def _prepared(
     return prepare(measurement, nominal, band, across=across)
 
 
-def _across(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _across(frequency: Floats, H: Complexes) -> Floats:
     """Return how far places move square to their sensors, (n_freq, n_out, n_in), by two receptances of each.
 
     The root mean square over neighbouring lines, as the model's resonances are not where they were measured.
@@ -307,12 +307,12 @@ def _across(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArra
     return np.sqrt(np.maximum(mean, 0.0)) / squares
 
 
-def discretisation_error(problem: FitProblem, n_lines: int = 200) -> tuple[float, float]:
+def discretisation_error(problem: FitProblem) -> tuple[float, float]:
     """Estimate the error of the mesh by halving every element: root mean square [dB], and level [nepers].
 
     The error falls at least with the square of their size, so that the difference is 3/4 of the error.
     """
-    lines = problem.lines_up_to(np.inf, n_lines)
+    lines = problem.lines_up_to(np.inf, 200)
     nominal = problem.nominal().as_described()
     problem = problem.unloaded(nominal)
     finer = finer_receptances(problem, nominal, lines)
@@ -359,9 +359,7 @@ def build_fine(
     return replace(problem, pieces=n), model, n, error, before[0]
 
 
-def finer_receptances(
-    problem: FitProblem, result: FitResult, lines: NDArray[np.int64]
-) -> NDArray[np.complex128]:
+def finer_receptances(problem: FitProblem, result: FitResult, lines: Ints) -> Complexes:
     """Return the sensors' FRFs of a fitted model with every element halved, (n_lines, n_out, n_in)."""
     model, m = fitted_model(problem.reduced.model, result), problem.data.measurement
     model = split(model, 2)

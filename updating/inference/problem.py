@@ -8,9 +8,8 @@ from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fem.array_types import Floats
+from fem.array_types import Floats, Ints
 from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
 from updating.inference.damped import DampedFrfs
@@ -42,12 +41,12 @@ class Problem(FitInputs[D]):
         """Stages of a fit from far away, (n,); the last is the whole of the data."""
 
     @abstractmethod
-    def lines_up_to(self, frequency: float, n_lines: int) -> NDArray[np.int64]:
+    def lines_up_to(self, frequency: float, n_lines: int) -> Ints:
         """Return at most ``n_lines`` lines up to a frequency [Hz], or all modes; none is held out."""
 
     @abstractmethod
     def function(
-        self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: NDArray[np.int64]
+        self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: Ints
     ) -> FitFunction[Any]:
         """Return the residuals at some lines, or of some modes, as a function of all that varies.
 

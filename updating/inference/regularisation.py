@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from fem.array_types import Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,11 +28,11 @@ class GeneralisedSVD:
         Its columns are the combinations of unknowns, those that the data determine best beside L first.
     """
 
-    U: NDArray[np.float64]
-    V: NDArray[np.float64]
-    c: NDArray[np.float64]
-    s: NDArray[np.float64]
-    X: NDArray[np.float64]
+    U: Floats
+    V: Floats
+    c: Floats
+    s: Floats
+    X: Floats
 
 
 def gsvd(A: ArrayLike, L: ArrayLike) -> GeneralisedSVD:
@@ -93,11 +95,11 @@ class LCurve:
         Whether there is a corner to speak of: a curvature above 1 away from the ends.
     """
 
-    parameter: NDArray[np.float64]
-    misfit: NDArray[np.float64]
-    size: NDArray[np.float64]
-    curvature: NDArray[np.float64]
-    solutions: NDArray[np.float64]
+    parameter: Floats
+    misfit: Floats
+    size: Floats
+    curvature: Floats
+    solutions: Floats
     corner: int
     distinct: bool
 
@@ -107,12 +109,12 @@ class LCurve:
         return float(self.parameter[self.corner])
 
     @property
-    def solution(self) -> NDArray[np.float64]:
+    def solution(self) -> Floats:
         """The solution there, (n,)."""
         return self.solutions[self.corner]
 
 
-def tikhonov(A: ArrayLike, b: ArrayLike, parameter: float, L: ArrayLike | None = None) -> NDArray[np.float64]:
+def tikhonov(A: ArrayLike, b: ArrayLike, parameter: float, L: ArrayLike | None = None) -> Floats:
     """Solve min ‖A x - b‖² + λ² ‖L x‖²; L is the identity unless given.
 
     Parameters
@@ -177,9 +179,7 @@ def l_curve(A: ArrayLike, b: ArrayLike, L: ArrayLike | None = None, n: int = 200
     return LCurve(parameter, np.sqrt(miss2), np.sqrt(size2), curvature, x, corner, distinct)
 
 
-def _filtered(
-    G: GeneralisedSVD, b: NDArray[np.float64], parameter: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _filtered(G: GeneralisedSVD, b: Floats, parameter: Floats) -> Floats:
     """Return solutions (k, n) for each λ: X diag(c/(c² + λ²s²)) Uᵀ b."""
     gain = G.c / np.maximum(G.c**2 + (parameter[:, None] * G.s) ** 2, 1e-300)
     return (gain * (G.U.T @ b)) @ G.X.T
@@ -289,7 +289,7 @@ def select_forward(A: ArrayLike, b: ArrayLike, names: Sequence[str] = (), least:
     return Selection(tuple(kept), tuple(out))
 
 
-def _left_out(A: NDArray[np.float64], j: int, kept: list[int], names: Sequence[str]) -> LeftOut:
+def _left_out(A: Floats, j: int, kept: list[int], names: Sequence[str]) -> LeftOut:
     """Return why a column was left out: no visible effect, or the same effect as others."""
     column = A[:, j]
     size = float(np.linalg.norm(column))

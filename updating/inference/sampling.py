@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.summary import fields_summary
 
 
@@ -26,13 +26,13 @@ class Samples:
         Steps after which a walker has forgotten where it was, the longest of all unknowns.
     """
 
-    values: NDArray[np.float64]
+    values: Floats
     acceptance: float
     correlation_time: float
 
     __repr__ = fields_summary
 
-    def quantile(self, q: float) -> NDArray[np.float64]:
+    def quantile(self, q: float) -> Floats:
         """Return a quantile of each unknown, (n,)."""
         return np.quantile(self.values, q, axis=0)
 
@@ -43,9 +43,9 @@ class Samples:
 
 
 def sample(
-    log_probability: Callable[[NDArray[np.float64]], float],
-    mean: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    log_probability: Callable[[Floats], float],
+    mean: Floats,
+    covariance: Floats,
     n_steps: int,
     *,
     n_walkers: int | None = None,
@@ -79,7 +79,7 @@ def sample(
     n = len(mean)
     n_walkers = 2 * n + 2 if n_walkers is None else n_walkers
     random = np.random.default_rng(seed)
-    start: list[NDArray[np.float64]] = []
+    start: list[Floats] = []
     for _ in range(100 * n_walkers):
         x = random.multivariate_normal(mean, covariance, method="eigh")
         if np.isfinite(log_probability(x)):

@@ -4,16 +4,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.summary import fields_summary
 from updating.least_squares.costs import Costs
 from updating.least_squares.jacobian import DenseJacobian, Jacobian
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
-Residual = Callable[[NDArray[np.float64], bool], tuple[NDArray[np.complex128], NDArray[np.complex128] | None]]
-Linearised = Callable[[NDArray[np.float64]], tuple[NDArray[np.complex128], Jacobian]]
+Residual = Callable[[Floats, bool], tuple[Complexes, Complexes | None]]
+Linearised = Callable[[Floats], tuple[Complexes, Jacobian]]
 
 ROUNDING = 1e-7
 """Change of the data by one unit of an unknown that is put down to rounding [standard deviations]."""
@@ -32,25 +32,25 @@ class Prior:
         Weight of a regularisation beside them, about ``about`` (n,).
     """
 
-    mean: NDArray[np.float64]
-    std: NDArray[np.float64]
-    precision: NDArray[np.float64] | None = None
-    about: NDArray[np.float64] | None = None
+    mean: Floats
+    std: Floats
+    precision: Floats | None = None
+    about: Floats | None = None
 
     @property
-    def information(self) -> NDArray[np.float64]:
+    def information(self) -> Floats:
         """Second derivatives of the negative log prior, (n, n)."""
         independent = np.diag(self.std**-2.0)
         return independent if self.precision is None else independent + self.precision
 
-    def slope(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(self, x: Floats) -> Floats:
         """Return its slopes at x, (n,)."""
         independent = self.std**-2.0 * np.where(np.isfinite(self.std), x - self.mean, 0.0)
         if self.precision is None or self.about is None:
             return independent
         return independent + self.precision @ (x - self.about)
 
-    def cost(self, x: NDArray[np.float64]) -> float:
+    def cost(self, x: Floats) -> float:
         """Return the negative log prior at x, up to a constant."""
         independent = 0.5 * float(self.std**-2.0 @ np.where(np.isfinite(self.std), x - self.mean, 0.0) ** 2)
         if self.precision is None or self.about is None:
@@ -58,7 +58,7 @@ class Prior:
         return independent + 0.5 * float((x - self.about) @ self.precision @ (x - self.about))
 
 
-Report = Callable[[NDArray[np.float64], float], None]
+Report = Callable[[Floats, float], None]
 """Called after each step with the unknowns (n,) and the cost."""
 
 
@@ -81,30 +81,30 @@ class Solution:
         Of x by a normal approximation; empty until :func:`updating.inference.fitting.with_evidence`.
     """
 
-    x: NDArray[np.float64]
+    x: Floats
     cost: float
     misfit: float
     n_iterations: int
     converged: bool
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
     __repr__ = fields_summary
 
 
 def solve_robust(
     residual: Residual,
-    x0: NDArray[np.float64],
+    x0: Floats,
     prior: Prior,
-    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
+    bounds: tuple[Floats, Floats],
     *,
     levels: Costs,
-    groups: NDArray[np.int64] | None = None,
+    groups: Ints | None = None,
     linearised: Linearised | None = None,
     robust: float = 0.5,
     max_iterations: int = 20,
     tolerance: float = TOLERANCE,
     max_step: float = 1.0,
-    relative: NDArray[np.bool_] | bool = False,
+    relative: Bools | bool = False,
     report: Report | None = None,
 ) -> Solution:
     """Minimise a robust negative log posterior by Levenberg-Marquardt steps within bounds.
@@ -144,7 +144,7 @@ def solve_robust(
     lo, hi = bounds
     x = np.clip(x0, lo, hi)
 
-    def dense(x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], Jacobian]:
+    def dense(x: Floats) -> tuple[Complexes, Jacobian]:
         r, J = residual(x, True)
         assert J is not None
         return r, DenseJacobian(J)
@@ -177,10 +177,10 @@ def solve_robust(
 class _Point:
     """Unknowns, their cost, the robust mean square of each group, residuals; their Jacobian if at hand."""
 
-    x: NDArray[np.float64]
+    x: Floats
     cost: float
-    misfit: NDArray[np.float64]
-    r: NDArray[np.complex128]
+    misfit: Floats
+    r: Complexes
     jacobian: Jacobian | None = None
 
 
@@ -207,18 +207,16 @@ class _Posterior:
     derived: Linearised
     prior: Prior
     levels: Costs
-    member: NDArray[np.int64]  # group of each residual
-    size: NDArray[np.int64]  # of each group
+    member: Ints  # group of each residual
+    size: Ints  # of each group
     robust: float
 
-    def point(
-        self, x: NDArray[np.float64], r: NDArray[np.complex128], jacobian: Jacobian | None = None
-    ) -> _Point:
+    def point(self, x: Floats, r: Complexes, jacobian: Jacobian | None = None) -> _Point:
         """Return the cost of residuals."""
         misfit = np.bincount(self.member, pseudo_huber(r, self.robust), minlength=len(self.size)) / self.size
         return _Point(x, self.levels.cost(misfit) + self.prior.cost(x), misfit, r, jacobian)
 
-    def at(self, x: NDArray[np.float64], near: _Point) -> _Point | None:
+    def at(self, x: Floats, near: _Point) -> _Point | None:
         try:
             return self.point(x, self.residual(x, False)[0])
         except np.linalg.LinAlgError:  # no structure: more mass taken away than there is

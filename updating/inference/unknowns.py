@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect, Model, ModelError, Parameter, ParameterRef
 from updating.inference.parameters import Nuisance, refuse_constraining
 
@@ -102,7 +103,7 @@ class ScaledUnknown:
     name: str
     unit: str
     refs: tuple[ParameterRef, ...]
-    values: NDArray[np.float64]
+    values: Floats
     nominal: float
     log: bool
     scale: float
@@ -197,14 +198,14 @@ class ScaledUnknown:
         """Return the bounds of x."""
         return self.low, self.high
 
-    def moved(self, x: float) -> NDArray[np.float64]:
+    def moved(self, x: float) -> Floats:
         """Return the values of its parameters, moved by the same factor or by the same amount."""
         value = self.to_value(x)
         if len(self.values) == 1:
             return np.array([value])
         return self.values * (value / self.nominal) if self.log else self.values + (value - self.nominal)
 
-    def slopes(self, x: float) -> NDArray[np.float64]:
+    def slopes(self, x: float) -> Floats:
         """Return the derivatives by x of its parameters."""
         return self.moved(x) if self.log else np.full(len(self.values), self.scale)
 
@@ -305,14 +306,12 @@ def unknown_of(model: Model, nuisance: Nuisance) -> Unknown:
     return Unknown((ref,), std=nuisance.std if p.log else nuisance.std * (abs(p.value) or 1.0))
 
 
-def values_at(variables: Sequence[ScaledUnknown], x: NDArray[np.float64]) -> NDArray[np.float64]:
+def values_at(variables: Sequence[ScaledUnknown], x: Floats) -> Floats:
     """Return the values (n_refs,) of the parameters that unknowns move, in their order."""
     return np.array([value for v, xi in zip(variables, x, strict=True) for value in v.moved(xi)])
 
 
-def by_unknowns(
-    variables: Sequence[ScaledUnknown], x: NDArray[np.float64], by_refs: NDArray[Any]
-) -> NDArray[Any]:
+def by_unknowns(variables: Sequence[ScaledUnknown], x: Floats, by_refs: NDArray[Any]) -> NDArray[Any]:
     """Return derivatives (n, ...) by unknowns from those by the parameters that they move, (n_refs, ...)."""
     slopes = [v.slopes(xi) for v, xi in zip(variables, x, strict=True)]
     every = np.concatenate([*slopes, np.zeros(0)])

@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from fem.array_types import Floats
 from updating.inference.defaults import FULL_LINES
 
 
@@ -36,7 +34,7 @@ class UpdateSettings:
     n_starts: int = 1
     select: str = ""
     regularisation: str = ""
-    operator: NDArray[np.float64] | None = None
+    operator: Floats | None = None
     max_iterations: int = 30
     n_lines: int = FULL_LINES
     n_samples: int = 0

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Model, ParameterRef
 from fem.summary import fields_summary
 from updating.inference.fit_function import Errors
@@ -125,7 +125,7 @@ class UpdateStep:
     """
 
     stage: str
-    values: NDArray[np.float64]
+    values: Floats
     cost: float
     errors: Errors
 
@@ -171,15 +171,15 @@ class Updated:
 
     model: Model
     parameters: tuple[UpdatedParameter, ...]
-    correlation: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    correlation: Floats
+    covariance: Floats
     path: tuple[UpdateStep, ...]
     misfit: Mapping[str, float]
     modes: ComputedModes | None
     left_out: tuple[tuple[str, str], ...]
     curve: LCurve | None
     samples: Samples | None
-    starts: tuple[tuple[NDArray[np.float64], float], ...]
+    starts: tuple[tuple[Floats, float], ...]
     ending: Ending
     messages: tuple[str, ...]
     problem: Problem[Any] = field(repr=False)
@@ -199,12 +199,12 @@ class Updated:
         return tuple(p.name for p in self.parameters)
 
     @property
-    def values(self) -> NDArray[np.float64]:
+    def values(self) -> Floats:
         """Updated values, (n,) [their units]."""
         return np.array([p.value for p in self.parameters])
 
     @property
-    def std(self) -> NDArray[np.float64]:
+    def std(self) -> Floats:
         """Standard deviations, (n,) [their units]."""
         return np.array([p.std for p in self.parameters])
 

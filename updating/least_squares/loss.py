@@ -3,12 +3,13 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Residuals = NDArray[np.float64] | NDArray[np.complex128]
+from fem.array_types import Complexes, Floats
+
+Residuals = Floats | Complexes
 
 
-def pseudo_huber(r: Residuals, turn: float) -> NDArray[np.float64]:
+def pseudo_huber(r: Residuals, turn: float) -> Floats:
     """Return ρ = 2c² (√(1 + |r|²/c²) - 1), the loss of each residual, of the shape of r.
 
     |r|² for |r| ≪ c, and 2c|r| for |r| ≫ c (Charbonnier, Blanc-Féraud, Aubert and Barlaud, *IEEE Trans. Image
@@ -25,7 +26,7 @@ def pseudo_huber(r: Residuals, turn: float) -> NDArray[np.float64]:
     return 2 * turn**2 * (_root(r, turn) - 1)
 
 
-def pseudo_huber_weight(r: Residuals, turn: float) -> NDArray[np.float64]:
+def pseudo_huber_weight(r: Residuals, turn: float) -> Floats:
     """Return dρ/d|r|² = 1/√(1 + |r|²/c²), the weight of |r|² in iteratively reweighted least squares [-]."""
     return 1 / _root(r, turn)
 

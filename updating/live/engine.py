@@ -7,9 +7,9 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Effect, ParameterRef, parameter_values
 from fem.recent import Recent
 from fem.reduction.parametric_frf import ParametricFRF
@@ -53,7 +53,7 @@ class Evaluation:
     measured: FRF
     comparison: Comparison
     held_out: Comparison | None
-    mask: NDArray[np.bool_]
+    mask: Bools
     noise_db: float
 
     @property
@@ -61,12 +61,12 @@ class Evaluation:
         """Error on the lines of the fit beyond the noise, by the difference of squares [dB]."""
         return float(np.sqrt(max(self.result.fit_db**2 - self.noise_db**2, 0.0)))
 
-    def by_sensor(self) -> NDArray[np.float64]:
+    def by_sensor(self) -> Floats:
         """Return the error of each sensor, those of held-out ones too, (n_out,) [dB]."""
         known = self.comparison.by_sensor()
         return known if self.held_out is None else np.where(np.isnan(known), self.held_out.by_sensor(), known)
 
-    def by_band(self) -> NDArray[np.float64]:
+    def by_band(self) -> Floats:
         """Return the error of each sensor in each band, those of held-out ones too, (n_out, n_bands) [dB]."""
         known = self.comparison.by_band()
         return known if self.held_out is None else np.where(np.isnan(known), self.held_out.by_band(), known)
@@ -145,14 +145,14 @@ class LiveModel:
         on, fitted = self._counted(h), self._held_out(h) == 0
         return data if (on & fitted).all() else replace(data, mask=data.mask & on & fitted)
 
-    def compared(self, h: Hypothesis) -> NDArray[np.bool_]:
+    def compared(self, h: Hypothesis) -> Bools:
         """Return which values are compared, those of held-out channels too, (n_freq, n_out, n_in)."""
         return corrected(self.problem.data, h.faults).mask & self._counted(h)
 
-    def _counted(self, h: Hypothesis) -> NDArray[np.bool_]:
+    def _counted(self, h: Hypothesis) -> Bools:
         return np.array([name not in h.off for name in self.sensors])[:, None]
 
-    def _held_out(self, h: Hypothesis) -> NDArray[np.int64]:
+    def _held_out(self, h: Hypothesis) -> Ints:
         """Return how many ends of each FRF are held out, (n_out, n_in)."""
         frf = self.problem.data.measurement.frf
         out = np.array([f"sensor {name}" in h.held_out for name in frf.outputs], dtype=int)
@@ -193,12 +193,12 @@ class LiveModel:
             unseen = None if apart is None else compare(measured, frf, mask=apart)
             return Evaluation(h, result, frf, measured, comparison, unseen, data.mask, data.noise_db)
 
-    def _believed(self, h: Hypothesis) -> tuple[FitData, FRF, NDArray[np.bool_] | None]:
+    def _believed(self, h: Hypothesis) -> tuple[FitData, FRF, Bools | None]:
         data = self.data_of(h)
         apart = self.compared(h) & (self._held_out(h) == 1)
         return data, replace(self.problem, data=data).measured, apart if apart.any() else None
 
-    def _receptances(self, problem: FitProblem, result: FitResult) -> NDArray[np.complex128]:
+    def _receptances(self, problem: FitProblem, result: FitResult) -> Complexes:
         refs: list[ParameterRef] = list(result.values)
         key = (problem is self.problem, *self._key(result))
         engine: ParametricFRF = self._engines.get(key, lambda: self._engine(problem, result, refs))

@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.model import Effect, parameter_values
 from updating.diagnosis.begin import begin_fitted
 from updating.diagnosis.findings import label
@@ -59,28 +59,26 @@ class _WatchedFunction(FrfFunction):
 
     watch: Watch | None = None
     free: frozenset[str] | None = None
-    _begun: NDArray[np.float64] | None = None
+    _begun: Floats | None = None
 
-    def __call__(
-        self, x: NDArray[np.float64], gradient: bool
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+    def __call__(self, x: Floats, gradient: bool) -> tuple[Complexes, Complexes | None]:
         if self.watch is not None and not gradient:
             self.watch.step()
         return super().__call__(x, gradient)
 
-    def linearised(self, x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], FrfJacobian]:
+    def linearised(self, x: Floats) -> tuple[Complexes, FrfJacobian]:
         if self.watch is not None:
             self.watch.step()
         return super().linearised(x)
 
-    def minimise(self, x: NDArray[np.float64], stage: float, max_iterations: int, **more: Any) -> Solution:
+    def minimise(self, x: Floats, stage: float, max_iterations: int, **more: Any) -> Solution:
         if self.watch is not None:
             self.watch.stage()
         limits = super().limits()
         self._begun = np.clip(x, limits[:, 0], limits[:, 1])
         return super().minimise(x, stage, max_iterations, **more)
 
-    def limits(self) -> NDArray[np.float64]:
+    def limits(self) -> Floats:
         limits = super().limits()
         if self.free is None or self._begun is None:
             return limits

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect, ModelError, Parameter, ParameterRef, parameter_values
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -42,12 +42,12 @@ class Hypothesis:
 
     effects: tuple[Effect, ...]
     values: Mapping[ParameterRef, float]
-    zeta: NDArray[np.float64]
+    zeta: Floats
     faults: tuple[Fault, ...] = ()
     off: frozenset[str] = field(default_factory=frozenset)
     fit: FitResult | None = None
     held_out: frozenset[str] = field(default_factory=frozenset)
-    channels: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
+    channels: Floats = field(default_factory=lambda: np.zeros((0, N_ERRORS)))
 
     @classmethod
     def nominal(cls, problem: FitProblem) -> "Hypothesis":

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect, parameter_values
 from updating.diagnosis.evidence.fits import Fits
 from updating.diagnosis.evidence.halving import Damped
-from updating.diagnosis.evidence.hypothesis import Hypothesis as Fitted
-from updating.diagnosis.evidence.hypothesis import Odds
+from updating.diagnosis.evidence.hypothesis import Odds, ScoredFit
 from updating.diagnosis.evidence.ranking import Ranking, screened_near
 from updating.diagnosis.evidence.screening import look_at
 from updating.diagnosis.evidence.shortlist import MOST_PLACES
@@ -55,7 +54,7 @@ class Promise:
     std: float
     gain: float
     probability: float
-    changes: NDArray[np.float64] | None = None
+    changes: Floats | None = None
 
     @property
     def parameters(self) -> tuple[EffectParameter, ...]:
@@ -123,7 +122,7 @@ def rank(
         say("ranking candidates", 0.0)
         problem, added = live.problem_of(h), {e.name for e in h.effects}
         odds = Odds.of(candidates, problem.reduced.model)
-        base = Fitted(problem.assessed(h.result()), odds.prior(h.effects))
+        base = ScoredFit(problem.assessed(h.result()), odds.prior(h.effects))
         fits = Fits(problem, (), odds, Ranking())
         free, far = fits.free(base), fits.is_far(base)
         damped = Damped.of(free, base.fitted, bent=fits.is_bent(base)) if far else None
@@ -139,7 +138,7 @@ def _ranked(
     problem: FitProblem,
     base: FitResult,
     effects: Sequence[Effect],
-    against: NDArray[np.float64],
+    against: Floats,
     say: Progress,
     *,
     far: bool,
@@ -187,7 +186,7 @@ def _gain_of_unknown(problem: FitProblem, look: Look) -> float:
     return look.likelihood.gain(v, look.likelihood.noise + allowed)
 
 
-def _directions(look: Look, effect: Effect) -> NDArray[np.float64]:
+def _directions(look: Look, effect: Effect) -> Floats:
     """Return the directions of the whitened changes by an effect as it is, and on its grid, (n, r)."""
     grid = Grid.of(look.problem, effect)
     change = look.changes(Grid(effect, (parameter_values(effect), *grid.points)))

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats, Ints
 from fem.model import Model, ParameterRef, parameter_values
 from fem.sensitivity.matrices import differentiate_matrices
 from updating.correlation import DB_PER_NEPER
@@ -108,7 +108,7 @@ def sensitivities(live: LiveModel, h: Hypothesis, pair: tuple[str, str]) -> tupl
 
 
 def frequency_sensitivities(
-    live: LiveModel, h: Hypothesis, model: Model, frequency: float, shape: NDArray[np.float64]
+    live: LiveModel, h: Hypothesis, model: Model, frequency: float, shape: Floats
 ) -> tuple[FrequencySensitivity, ...]:
     """Return the sensitivity of a natural frequency to each parameter, the largest first.
 
@@ -144,6 +144,6 @@ def frequency_sensitivities(
     return tuple(sorted(out, key=lambda s: -abs(s.percent)))
 
 
-def _function(problem: FitProblem, result: FitResult, lines: NDArray[np.int64]) -> FrfFunction:
+def _function(problem: FitProblem, result: FitResult, lines: Ints) -> FrfFunction:
     """Return the function that a fit minimises, at the effects of a result."""
     return problem.function(result.effects, [parameter_values(e) for e in result.effects], lines)

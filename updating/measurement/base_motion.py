@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.effects.moving_base import MovingBase
 from fem.model import Model
 from updating.measurement.measurement import MeasurementError, Sensor
@@ -25,7 +25,7 @@ class BaseMotion(Sensor):
     per_acceleration: ClassVar[str] = "base"
     moves_base: ClassVar[bool] = True
 
-    def row(self, model: Model) -> NDArray[np.float64]:
+    def row(self, model: Model) -> Floats:
         """Return the force on the base that gives it the acceleration 1 along ``direction``, (n_dof,).
 
         Raises

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fem.array_types import Floats
 
 GAIN, DIRECTION, POSITION = slice(0, 1), slice(1, 3), slice(3, 5)
 """Errors of a channel: of its gain [-], turns towards two axes across it [rad], shifts along these [m]."""
@@ -43,7 +44,7 @@ class ChannelErrors:
     excitations: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
-    def std(self) -> NDArray[np.float64]:
+    def std(self) -> Floats:
         """Standard deviations of the errors of one channel, (5,)."""
         return np.array([self.gain, *2 * [self.direction], *2 * [self.position]])
 

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.frf_solver import compute_frf
+from fem.array_types import Complexes, Ints
 from fem.model import Model
 from fem.system import assemble
 from updating.measurement.measurement import (
@@ -52,7 +53,7 @@ def computed_frf(
     outputs, inputs = (sensor_rows(model, part) for part in (every, excitations))
     f = np.asarray(frequency, dtype=float)
 
-    def receptances(model: Model, rows: NDArray[np.int64]) -> NDArray[np.complex128]:
+    def receptances(model: Model, rows: Ints) -> Complexes:
         system = assemble(model, reciprocal=False)
         at = np.append(rows, np.arange(len(sensors), len(every)))
         H = np.array(compute_frf(system, f, outputs[at], inputs, FRFKind.RECEPTANCE).H)

@@ -4,8 +4,8 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Floats
 from updating.measurement.measurement import Measurement, MeasurementError
 
 Band = tuple[float, float]
@@ -37,9 +37,7 @@ def band_of(text: str) -> Band | None:
     return low, high
 
 
-def held_out_lines(
-    frequency: NDArray[np.float64], bands: Sequence[Band] = (), name: str = "the measurement"
-) -> NDArray[np.bool_]:
+def held_out_lines(frequency: Floats, bands: Sequence[Band] = (), name: str = "the measurement") -> Bools:
     """Return which lines no fit sees, (n_freq,): those in the bands, or every fourth block without bands.
 
     Raises
@@ -65,6 +63,6 @@ def held_out_lines(
     return out
 
 
-def lines_held_out(measurement: Measurement, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
+def lines_held_out(measurement: Measurement, frequency: Floats) -> Bools:
     """Return which of a measurement's lines no fit sees, by its bands or by blocks."""
     return held_out_lines(frequency, measurement.held_out, f"'{measurement.name}'")

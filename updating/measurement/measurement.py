@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.referred import References
+from fem.array_types import Floats, Ints
 from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved
 from fem.mesh import Mesh
@@ -69,14 +70,14 @@ class Sensor:
     """
 
     name: str
-    point: NDArray[np.float64]
-    direction: NDArray[np.float64]
+    point: Floats
+    direction: Floats
     member: str | None = None
     gain: float = 1.0
     mass: float = 0.0
     relative: bool = False
     body: str = ""
-    arm: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    arm: Floats = field(default_factory=lambda: np.zeros(3))
     roving: bool = False
 
     quantity: ClassVar[str] = MOTION
@@ -101,7 +102,7 @@ class Sensor:
         """Return the excitation with FRFs per unit force, where it is a force of unknown size."""
         return self
 
-    def row(self, model: Model) -> NDArray[np.float64]:
+    def row(self, model: Model) -> Floats:
         """Return the reading, or the force of an exciter, as a combination of DOFs, shape (n_dof,).
 
         Raises
@@ -117,13 +118,13 @@ class Sensor:
         return row
 
     @property
-    def axes_across(self) -> NDArray[np.float64]:
+    def axes_across(self) -> Floats:
         """Two unit vectors (2, 3) across the direction; the three are right-handed."""
         d = np.asarray(self.direction, dtype=float)
         t = np.linalg.svd([d])[2][1]
         return np.array([t, np.cross(d, t)])
 
-    def misread(self, model: Model) -> NDArray[np.float64]:
+    def misread(self, model: Model) -> Floats:
         """Return the change of the reading for a unit of each error of :class:`ChannelErrors`, (n_dof, 5).
 
         Turned towards t it reads θ t·u besides, to first order; shifted by s, d·(φ × s), as sections stay
@@ -204,11 +205,11 @@ class Combination(Sensor):
     factors : ndarray (6 n_points,)
     """
 
-    factors: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    factors: Floats = field(default_factory=lambda: np.zeros(0))
 
     directed: ClassVar[bool] = False
 
-    def row(self, model: Model) -> NDArray[np.float64]:
+    def row(self, model: Model) -> Floats:
         """Return the factors, 0 for DOFs that are not of the mesh's points, shape (n_dof,)."""
         row = np.zeros(model.n_dof)
         row[: len(self.factors)] = self.gain * self.factors
@@ -259,10 +260,10 @@ class Measurement:
     excitations: tuple[Sensor, ...]
     force_level: float | None = None
     name: str = "measured"
-    coherence: NDArray[np.float64] | None = None
+    coherence: Floats | None = None
     averages: int | None = None
-    scatter: NDArray[np.float64] | None = None
-    compared: NDArray[np.float64] | None = None
+    scatter: Floats | None = None
+    compared: Floats | None = None
     pieces: int = 0
     phase: bool = True
     viscous: bool = False
@@ -360,7 +361,7 @@ class Measurement:
         return all(e.reference_sensor() is None for e in self.excitations)
 
     @property
-    def roving_masses(self) -> tuple[tuple[NDArray[np.int64], Sensor, float], ...]:
+    def roving_masses(self) -> tuple[tuple[Ints, Sensor, float], ...]:
         """Masses of roving sensors, as of :func:`roving_masses`."""
         return roving_masses(self.sensors)
 
@@ -382,14 +383,14 @@ class Measurement:
         )
 
     @property
-    def channel_errors(self) -> NDArray[np.float64]:
+    def channel_errors(self) -> Floats:
         """Known errors of sensors and excitations behind them, (n_sensors + n_excitations, 5)."""
         none = (0.0,) * N_ERRORS
         known = [self.errors.sensors.get(s.name, none) for s in self.sensors]
         known += [self.errors.excitations.get(e.name, none) for e in self.excitations]
         return np.array(known)
 
-    def with_channel_errors(self, errors: NDArray[np.float64]) -> "Measurement":
+    def with_channel_errors(self, errors: Floats) -> "Measurement":
         """Return a measurement whose channels have known errors, as :attr:`channel_errors` gives them."""
         n = len(self.sensors)
         groups = ((self.sensors, errors[:n]), (self.excitations, errors[n:]))
@@ -400,7 +401,7 @@ class Measurement:
         return replace(self, errors=replace(self.errors, sensors=sensors, excitations=excitations))
 
     @property
-    def noise(self) -> NDArray[np.float64] | None:
+    def noise(self) -> Floats | None:
         """Estimated relative noise of ln|H|, (n_freq, n_out, n_in); None without an estimate [-].
 
         From ``scatter``, or else from coherence and averages; NaN for values of which nothing is known.
@@ -442,7 +443,7 @@ def usable_lines(measurement: Measurement, band: tuple[float, float] | None) -> 
     return frf
 
 
-def at_values_of(values: NDArray[np.float64], have: FRF, want: FRF) -> NDArray[np.float64]:
+def at_values_of(values: Floats, have: FRF, want: FRF) -> Floats:
     """Return an array of some FRFs' values at the values of others, NaN where there is none.
 
     Parameters
@@ -523,7 +524,7 @@ def with_mass_of(model: Model, sensor: Sensor, mass: float) -> Model:
     return model.with_effect(AddedMass(name=f"mass of sensor {sensor.name}", point=point, mass=mass))
 
 
-def roving_masses(sensors: Sequence[Sensor]) -> tuple[tuple[NDArray[np.int64], Sensor, float], ...]:
+def roving_masses(sensors: Sequence[Sensor]) -> tuple[tuple[Ints, Sensor, float], ...]:
     """Return rows, one of the sensors and the mass [kg] of each place of a roving sensor that has a mass."""
     places: dict[tuple[float, ...], list[int]] = {}
     for i, s in enumerate(sensors):
@@ -614,7 +615,7 @@ def instruments_on(mesh: Mesh, measurement: Measurement) -> Instruments:
     Those whose FRFs are held out are on the structure, too; a roving sensor is not at all its places.
     """
 
-    def places(group: tuple[Sensor, ...]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def places(group: tuple[Sensor, ...]) -> tuple[Ints, Floats]:
         points = np.array([sensor_point(mesh, s) for s in group], dtype=np.int64)
         return points, np.array([s.direction for s in group], dtype=float).reshape(-1, 3)
 
@@ -681,7 +682,7 @@ def at_one_place(sensor: Sensor, excitation: Sensor, tolerance: float) -> float:
     return float(np.sign(cosine)) if near and alike and abs(cosine) > 0.999 else 0.0
 
 
-def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
+def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> Floats:
     """Return each sensor's reading, or each excitation's force, as a row of combinations of DOFs, (n, n_dof).
 
     Raises
@@ -694,7 +695,7 @@ def sensor_rows(model: Model, sensors: Sequence[Sensor]) -> NDArray[np.float64]:
     return np.array([s.row(model) for s in sensors]).reshape(len(sensors), model.n_dof)
 
 
-def _motion_at(model: Model, sensor: Sensor) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _motion_at(model: Model, sensor: Sensor) -> tuple[Ints, Floats]:
     """Return DOFs, and the translation (3, n) of a sensor's place by them."""
     if not sensor.body:
         dofs = dofs_of(sensor_point(model.mesh, sensor))

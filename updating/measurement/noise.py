@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
+
 MEDIAN_OF_SQUARE = 2 * np.log(2)
 """Median of |z|², where real and imaginary part of z are standard normal variables."""
 
@@ -18,7 +20,7 @@ SMALLEST = 8
 _STENCILS = {4: (1.0, -4.0, 6.0, -4.0, 1.0), 6: (1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0)}
 
 
-def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.float64]:
+def relative_noise(H: Complexes, window: int = 31) -> Floats:
     """Estimate the relative noise of the amplitude at each line.
 
     Two kinds of noise are told apart. One is proportional to the response: an FRF is smooth between its
@@ -48,7 +50,7 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     half = min(window, n_freq) // 2
     centres = np.arange(0, n_freq, max(1, half // 2))
 
-    def smoothed(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def smoothed(x: Floats) -> Floats:
         level = np.stack([np.median(x[max(0, c - half) : c + half + 1], axis=0) for c in centres])
         flat = level.reshape(len(centres), -1)
         lines = np.arange(n_freq)
@@ -64,13 +66,13 @@ def relative_noise(H: NDArray[np.complex128], window: int = 31) -> NDArray[np.fl
     return np.sqrt(np.maximum(seen - smoothed(added), 0.0) + added)
 
 
-def amplitude_noise(H: NDArray[np.complex128]) -> NDArray[np.float64]:
+def amplitude_noise(H: Complexes) -> Floats:
     """Estimate the relative noise of amplitudes without phase as :func:`relative_noise`, from one part."""
     # Median of the square of a standard normal variable
     return relative_noise(H) * float(np.sqrt(MEDIAN_OF_SQUARE / 0.45494))
 
 
-def _added(H: NDArray[np.complex128], proportional: NDArray[np.float64]) -> NDArray[np.float64]:
+def _added(H: Complexes, proportional: Floats) -> Floats:
     """Return the variance (n_out, n_in) of the added noise, in addition to the proportional one.
 
     It is that of the smallest lines, if they are white: differences of both orders of white noise have the
@@ -112,7 +114,7 @@ def _difference(x: NDArray[Any], order: int) -> NDArray[Any]:
     return np.concatenate([d[:1]] * (order // 2) + [d] + [d[-1:]] * (order // 2))
 
 
-def noise_from_coherence(coherence: NDArray[np.float64], n_averages: int) -> NDArray[np.float64]:
+def noise_from_coherence(coherence: Floats, n_averages: int) -> Floats:
     """Return the relative noise of FRFs from their coherence.
 
     σ(ln|H|) = √((1 - γ²) / (2 n γ²)) for the estimator H1 with noise at the output (Bendat & Piersol, Random
@@ -145,7 +147,7 @@ def noise_from_coherence(coherence: NDArray[np.float64], n_averages: int) -> NDA
         return np.sqrt((1 - gamma2) / (2 * n_averages * gamma2))
 
 
-def noise_from_repeats(repeats: NDArray[np.complex128]) -> NDArray[np.float64]:
+def noise_from_repeats(repeats: Complexes) -> Floats:
     """Return the relative noise of the mean of FRFs that were measured several times.
 
     The sample standard deviation of H over the repeats, in each part, over √n and |mean H|.

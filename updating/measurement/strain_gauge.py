@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.elements.frame import Frame
 from fem.elements.interpolation import strain_matrix
 from fem.elements.lines import flexible_fraction
@@ -43,7 +43,7 @@ class StrainGauge(Sensor):
     quantity: ClassVar[str] = STRAIN
     directed: ClassVar[bool] = False
 
-    def row(self, model: Model) -> NDArray[np.float64]:
+    def row(self, model: Model) -> Floats:
         """Return the strain as a combination of DOFs, shape (n_dof,) [1/m for translations].
 
         It is the mean of the member's elements that meet at the gauge. Within an element of length h the

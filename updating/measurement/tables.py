@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fem.analysis.frf import FRF, FRFKind
 from fem.analysis.modes import Modes
+from fem.array_types import Complexes, Floats
+from fem.io.frf_labels import matrix_of
 from fem.io.uff_format import UffError, label_of, parse_label
 from updating.measurement.measurement import MOTION, MeasurementError, Sensor
 
@@ -109,7 +111,7 @@ def table_from_sensors(
     scale : float
         Metres in the table's unit of length.
     """
-    places: list[NDArray[np.float64]] = []
+    places: list[Floats] = []
     groups: list[int] = []
     for s in sensors:
         near = [k for k, p in enumerate(places) if np.allclose(p, s.point, rtol=0, atol=1e-9)]
@@ -168,8 +170,7 @@ def frf_from_labelled(
         twice = next(p for k, p in enumerate(pairs) if p in pairs[:k])
         msg = f"the function {twice[0]}/{twice[1]} comes twice; give one of each"
         raise MeasurementError(msg)
-    outputs, inputs = (list(dict.fromkeys(p[k] for p in pairs)) for k in (0, 1))
-    holes = [f"{o}/{i}" for o in outputs for i in inputs if (o, i) not in cells]
+    outputs, inputs, holes = matrix_of(pairs)
     if holes:
         msg = (
             f"{len(outputs)} responses and {len(inputs)} references need {len(outputs) * len(inputs)} "
@@ -182,7 +183,7 @@ def frf_from_labelled(
 
 def labelled_from_frf(
     frf: FRF, dofs: Mapping[str, str] | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.complex128], NDArray[Any]]:
+) -> tuple[Floats, Complexes, NDArray[Any]]:
     """Return abscissa (n_freq,), ordinate (n_out, n_in, n_freq) and coordinate (n_out, n_in, 2) of FRFs.
 
     Parameters
@@ -241,7 +242,7 @@ def modes_from_labelled(
 
 def labelled_from_modes(
     modes: Modes, dofs: Mapping[str, str] | None = None
-) -> tuple[NDArray[np.float64], NDArray[Any], NDArray[Any]]:
+) -> tuple[Floats, NDArray[Any], NDArray[Any]]:
     """Return frequency (n_modes,), shape matrix (n_modes, n_dof) and coordinate (n_dof,) of labelled modes.
 
     Raises

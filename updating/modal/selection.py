@@ -230,7 +230,7 @@ def _settle(task: Task, state: SelectionState) -> SelectionState:
             ModeStart(complex(p), tuple(row.tolist()), s.n_orders, s.tracked)
             for p, row, s in zip(fit.poles, fit.participation, starts, strict=True)
         )
-        reasons = _reasons(task, data, fit)
+        reasons = _reasons(data, fit)
         if not any(reasons):
             if fit.converged or final:
                 return SelectionState(data, starts, fit, tuple(rejected), tuple(steps))
@@ -291,7 +291,7 @@ def _running_median(values: Floats, width: int) -> Floats:
     )
 
 
-def _reasons(task: Task, data: ModalFitData, fit: ModalFit) -> list[str]:
+def _reasons(data: ModalFitData, fit: ModalFit) -> list[str]:
     """Return for each pole the reason to reject it, empty for a mode."""
     frequency = fit.poles.imag / (2 * np.pi)
     noise = scatter_near(fit, data)

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes
 from fem.model import Effect, parameter_values
 from updating.inference.belief import DATA_PER_MODE
 from updating.inference.fit import FitProblem
@@ -56,7 +56,7 @@ def drawn(
     return replace(m, frf=frf, coherence=None, scatter=data.noise, compared=None)
 
 
-def _discrepancy(problem: FitProblem, discrepancy: float, rng: np.random.Generator) -> NDArray[np.complex128]:
+def _discrepancy(problem: FitProblem, discrepancy: float, rng: np.random.Generator) -> Complexes:
     """Return what a right model leaves of ln H at all lines (n_freq,): as many numbers as fits count."""
     f = problem.data.frequency
     knots = np.linspace(f[0], f[-1], max(2, round(DATA_PER_MODE * problem.n_modes / 2)))

@@ -1,8 +1,8 @@
 """Errors of channels that a fit has found far outside the tolerances of the test's description."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from updating.inference.belief import FAR_STD
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -48,9 +48,7 @@ def channel_faults(problem: FitProblem, result: FitResult) -> tuple[Fault, ...]:
     return tuple(fault for _, fault in sorted(found, key=lambda each: -each[0]))
 
 
-def _by_data_alone(
-    errors: NDArray[np.float64], stds: NDArray[np.float64], tolerances: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _by_data_alone(errors: Floats, stds: Floats, tolerances: Floats) -> tuple[Floats, Floats]:
     """Return errors and deviations (5,) without their normal priors about zero; 0 where data know nothing."""
     prior = np.where(tolerances > 0, tolerances, 1.0) ** 2
     variance = np.maximum(stds, 1e-9 * np.sqrt(prior)) ** 2
@@ -61,13 +59,7 @@ def _by_data_alone(
 
 
 def _fault(
-    sort: str,
-    channel: Sensor,
-    part: slice,
-    along: NDArray[np.float64],
-    value: float,
-    std: float,
-    tolerance: float,
+    sort: str, channel: Sensor, part: slice, along: Floats, value: float, std: float, tolerance: float
 ) -> Fault:
     """Return one error of a channel, of a size along its axes, as a fault."""
     unit, towards = "-", ()

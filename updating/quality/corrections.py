@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from updating.inference.belief import EFFECT_ODDS
 from updating.inference.fit_data import FitData
 from updating.measurement.measurement import Measurement, MeasurementError
@@ -225,7 +225,7 @@ def _turned(data: FitData, fault: Fault, undo: bool) -> FitData:
     return replace(data, mask=mask)
 
 
-def _factor(fault: Fault, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _factor(fault: Fault, frequency: Floats) -> Complexes:
     if fault.kind.endswith("delay"):
         return np.exp(-2j * np.pi * frequency * fault.value)
     return np.full(len(frequency), fault.value, dtype=complex)

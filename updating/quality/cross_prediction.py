@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.system import sum_contributions
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
@@ -58,15 +58,15 @@ class Field:
         Takes other forces (n_dof, n) to the modal coordinates of the response, (n_lines, r, n).
     """
 
-    lines: NDArray[np.int64]
-    frequency: NDArray[np.float64]
-    shapes: NDArray[np.float64]
-    mean: NDArray[np.complex128]
-    eigenvalues: NDArray[np.float64]
-    loose: NDArray[np.bool_]
-    respond: Callable[[NDArray[np.float64]], NDArray[np.complex128]]
+    lines: Ints
+    frequency: Floats
+    shapes: Floats
+    mean: Complexes
+    eigenvalues: Floats
+    loose: Bools
+    respond: Callable[[Floats], Complexes]
 
-    def weight(self, rough: float, loose: float, lines: slice = slice(None)) -> NDArray[np.float64]:
+    def weight(self, rough: float, loose: float, lines: slice = slice(None)) -> Floats:
         """Return the variances of modal coordinates, up to a factor, (n_lines, r).
 
         (1 + rough² λ/ω²) / ((λ - ω²)² + (β ω²)²), times ``loose``² for loose shapes.
@@ -119,7 +119,7 @@ class Field:
             free, V = sla.eigh(K, M, check_finite=False)
             shapes, lam = np.hstack([shapes, basis.T @ V]), np.concatenate([lam, free])
 
-        def respond(forces: NDArray[np.float64]) -> NDArray[np.complex128]:
+        def respond(forces: Floats) -> Complexes:
             force = modes.T @ forces
             if Z is None:
                 mean = (force / diagonal[:, :, None]).astype(complex)
@@ -155,23 +155,23 @@ class CrossPrediction:
     """
 
     field: Field
-    measured: NDArray[np.complex128]
-    seen: NDArray[np.bool_]
-    variance: NDArray[np.float64]
+    measured: Complexes
+    seen: Bools
+    variance: Floats
     prior: tuple[float, float, float, float]
-    rows: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    _weight: NDArray[np.float64]
-    _scale: NDArray[np.float64]
-    _alpha: NDArray[np.complex128]
+    rows: Floats
+    inverse: Floats
+    _weight: Floats
+    _scale: Floats
+    _alpha: Complexes
 
     @property
-    def predicted(self) -> NDArray[np.complex128]:
+    def predicted(self) -> Complexes:
         """Each sensor's reading from all the others', shape (n_lines, n_out, n_in)."""
         diagonal = np.einsum("lioo->lio", self.inverse)
         return self.measured - (self._alpha / diagonal).transpose(0, 2, 1)
 
-    def without(self, sensors: tuple[int, ...]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    def without(self, sensors: tuple[int, ...]) -> tuple[Complexes, Floats]:
         """Predict some sensors from all others, (n_lines, k, n_in), and the variances, alike."""
         I = list(sensors)
         block = np.linalg.inv(self.inverse[:, :, I][:, :, :, I])
@@ -179,7 +179,7 @@ class CrossPrediction:
         variance = np.einsum("liaa->lai", block).real
         return self.measured[:, I] - error.transpose(0, 2, 1), variance
 
-    def elsewhere(self, sensor: int, rows: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def elsewhere(self, sensor: int, rows: Floats) -> Complexes:
         """Predict motions ``rows`` (k, r) of modal coordinates from all sensors but one.
 
         Returns
@@ -191,7 +191,7 @@ class CrossPrediction:
         alpha[:, :, sensor] = 0
         return np.moveaxis(self._motion(rows, alpha, self._read_with(rows)), 1, 0)
 
-    def everywhere(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    def everywhere(self, rows: Floats) -> tuple[Complexes, Floats]:
         """Predict motions ``rows`` (k, r) of modal coordinates from all sensors.
 
         Returns
@@ -205,46 +205,32 @@ class CrossPrediction:
         variance = ((self._weight @ (rows**2).T)[:, None] - known) * self._scale[:, :, None]
         return self._motion(rows, self._alpha, cross), np.maximum(variance, 0.0).transpose(0, 2, 1)
 
-    def _read_with(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _read_with(self, rows: Floats) -> Floats:
         """Return covariances of motions and readings, (n_lines, k, n_out), of an excitation's factor 1."""
         return (rows * self._weight[:, None, :]) @ self.rows.T
 
-    def _motion(
-        self, rows: NDArray[np.float64], alpha: NDArray[np.complex128], cross: NDArray[np.float64]
-    ) -> NDArray[np.complex128]:
+    def _motion(self, rows: Floats, alpha: Complexes, cross: Floats) -> Complexes:
         scaled = alpha.transpose(0, 2, 1) * self._scale[:, None, :]
-        out: NDArray[np.complex128] = rows @ self.field.mean + cross @ scaled
+        out: Complexes = rows @ self.field.mean + cross @ scaled
         return out
 
 
-def cross_predict(
-    problem: FitProblem, field: Field, prior: tuple[float, float, float, float] | None = None
-) -> CrossPrediction:
+def cross_predict(problem: FitProblem, field: Field) -> CrossPrediction:
     """Predict every sensor of a problem from the others.
 
-    Parameters
-    ----------
-    problem : FitProblem
-    field : Field
-    prior : (float, float, float, float), optional
-        Share of the field that is unknown, error of readings, rough and loose parts; unless given, those of a
-        few with which the sensors predict one another best (the pseudo-likelihood of Rasmussen & Williams,
-        equation 5.11, with Student's t in place of the normal density).
+    The share of the field that is unknown, the error of readings, and the rough and loose parts are those, of
+    a few, with which the sensors predict one another best (the pseudo-likelihood of Rasmussen & Williams,
+    equation 5.11, with Student's t in place of the normal density).
     """
-    if prior is None:
-        few = slice(None, None, max(1, len(field.lines) // 50))
-        # Tried for the part of motions that violate a constraint, as a support that gives way causes [-]
-        loose = (0.0, 0.3) if field.loose.any() else (0.0,)
-        # Tried for the part of the forces that is white in strain, as a missing local stiffness causes [-]
-        trials = list(itertools.product((0.0, 0.3), loose))
-        chosen = max(
-            itertools.product(_SHARES, _ERRORS), key=lambda t: _score(problem, field, (*t, 0.0, 0.0), few)
-        )
-        prior = max(((*chosen, *t) for t in trials), key=lambda t: _score(problem, field, t, few))
-        prior = max(
-            ((*t, *prior[2:]) for t in itertools.product(_SHARES, _ERRORS)),
-            key=lambda t: _score(problem, field, t, few),
-        )
+    few = slice(None, None, max(1, len(field.lines) // 50))
+    # Tried for the part of motions that violate a constraint, as a support that gives way causes [-]
+    loose = (0.0, 0.3) if field.loose.any() else (0.0,)
+    # Tried for the part of the forces that is white in strain, as a missing local stiffness causes [-]
+    trials = list(itertools.product((0.0, 0.3), loose))
+    levels = list(itertools.product(_SHARES, _ERRORS))
+    chosen = max(levels, key=lambda t: _score(problem, field, (*t, 0.0, 0.0), few))
+    prior = max(((*chosen, *t) for t in trials), key=lambda t: _score(problem, field, t, few))
+    prior = max(((*t, *prior[2:]) for t in levels), key=lambda t: _score(problem, field, t, few))
     return _predicted(problem, field, prior, slice(None))
 
 
@@ -299,7 +285,7 @@ def _predicted(
     field: Field,
     prior: tuple[float, float, float, float],
     some: slice,
-    forces: NDArray[np.float64] | None = None,
+    forces: Floats | None = None,
 ) -> CrossPrediction:
     data, lines = problem.data, field.lines[some]
     share, error, rough, loose = prior
@@ -336,7 +322,7 @@ def _predicted(
     return CrossPrediction(field, y, seen, variance, prior, rows, inverse, weight, share**2 * unit, alpha)
 
 
-def _like_motions(problem: FitProblem, field: Field, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _like_motions(problem: FitProblem, field: Field, rows: Floats) -> Floats:
     """Return factors that make readings of all quantities as large as motions, by the model, (n_out,).
 
     One of all readings of a quantity; 1 of motions, or where there are none.

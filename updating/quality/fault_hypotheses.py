@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats
 from updating.correlation import complex_log
 from updating.inference.heartbeat import beat
 from updating.least_squares.loss import pseudo_huber
@@ -23,7 +23,7 @@ _N_BLOCKS = 10
 """Number of blocks of lines in which a fault must lower the misfit, each for itself."""
 
 
-Losses = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Losses = Callable[[Floats], Floats]
 """From values (n,) of a fault to the losses (n, n_lines)."""
 
 
@@ -81,42 +81,42 @@ class FaultHypothesis:
 class Series:
     """A sensor's readings and their prediction, both (n_lines, n), with relative standard deviation."""
 
-    frequency: NDArray[np.float64]
-    measured: NDArray[np.complex128]
-    predicted: NDArray[np.complex128]
-    sigma: NDArray[np.float64]
-    seen: NDArray[np.bool_]
+    frequency: Floats
+    measured: Complexes
+    predicted: Complexes
+    sigma: Floats
+    seen: Bools
 
     @classmethod
-    def of(cls, frequency: NDArray[np.float64], *arrays: Any) -> "Series":
+    def of(cls, frequency: Floats, *arrays: Any) -> "Series":
         """Return a series of readings, prediction, deviation and mask of any shape (n_lines, …)."""
         measured, predicted, sigma, seen = (np.reshape(a, (len(frequency), -1)) for a in arrays)
         return cls(frequency, measured, predicted, sigma, seen)
 
-    def losses(self, predicted: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def losses(self, predicted: Complexes) -> Floats:
         """Return the losses (…, n_lines) against other predictions (…, n_lines, n)."""
         beat()
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             z = _log(self.measured / predicted) / self.sigma
         return (_loss(z) * self.seen).sum(axis=-1)
 
-    def change(self, predicted: NDArray[np.complex128]) -> float:
+    def change(self, predicted: Complexes) -> float:
         """Return the median of |ln(other prediction / prediction)|."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return float(np.median(np.abs(_log(predicted / self.predicted))[self.seen]))
 
     @property
-    def log_ratio(self) -> NDArray[np.complex128]:
+    def log_ratio(self) -> Complexes:
         """Logarithm of readings over prediction, 0 where a line is masked."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return np.where(self.seen, _log(self.measured / self.predicted), 0.0)
 
-    def gain_losses(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gain_losses(self, x: Floats) -> Floats:
         """Return the losses for gains exp(x)."""
         z = (self.log_ratio - x[:, None, None]) / self.sigma
         return (_loss(z) * self.seen).sum(axis=-1)
 
-    def delay_losses(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def delay_losses(self, x: Floats) -> Floats:
         """Return the losses for delays x [s]."""
         r = self.log_ratio
         phase = r.imag + 2 * np.pi * self.frequency[:, None] * x[:, None, None]
@@ -124,7 +124,7 @@ class Series:
         return (_loss(np.hypot(r.real, phase) / self.sigma) * self.seen).sum(axis=-1)
 
 
-def valued(grid: NDArray[np.float64], losses: Losses) -> tuple[float, float, NDArray[np.float64]]:
+def valued(grid: Floats, losses: Losses) -> tuple[float, float, Floats]:
     """Return the best value of a fault, its standard deviation, and the losses (n_lines,).
 
     The loss of each block of lines is that with the value from all other blocks; the deviation is Tukey's
@@ -147,13 +147,7 @@ def valued(grid: NDArray[np.float64], losses: Losses) -> tuple[float, float, NDA
 
 
 def judge(
-    fault: Fault,
-    size: float,
-    least: float,
-    before: NDArray[np.float64],
-    after: NDArray[np.float64],
-    count: int,
-    change: float = np.inf,
+    fault: Fault, size: float, least: float, before: Floats, after: Floats, count: int, change: float = np.inf
 ) -> FaultHypothesis:
     """Return a hypothesis from the losses (n_lines,) of ``count`` readings without and with a fault."""
     start = np.searchsorted(np.arange(len(before)) * _N_BLOCKS // len(before), np.arange(_N_BLOCKS))
@@ -173,7 +167,7 @@ def judge(
 
 
 def factor_hypotheses(
-    series: Series, of: str, name: str, gains: NDArray[np.float64], least: float
+    series: Series, of: str, name: str, gains: Floats, least: float
 ) -> list[FaultHypothesis]:
     """Return the sign, gain and delay of a channel that make the series' two sides agree.
 
@@ -208,7 +202,7 @@ def factor_hypotheses(
     return [*out, judge(fault, 2 * np.pi * top * x, 0.12, before, after, count, change)]
 
 
-def _lowest(grid: NDArray[np.float64], table: NDArray[np.float64]) -> float:
+def _lowest(grid: Floats, table: Floats) -> float:
     """Return the value with the least sum of losses (n, n_lines), by a parabola through the grid's points."""
     total = table.sum(axis=1)
     k = int(np.argmin(total))
@@ -219,10 +213,10 @@ def _lowest(grid: NDArray[np.float64], table: NDArray[np.float64]) -> float:
     return float(grid[k] + (0.5 * (a - c) / curvature * (grid[1] - grid[0]) if curvature > 0 else 0.0))
 
 
-def _loss(z: NDArray[np.complex128] | NDArray[np.float64]) -> NDArray[np.float64]:
+def _loss(z: Complexes | Floats) -> Floats:
     # Misfit at which the loss turns from quadratic to linear, in standard deviations [-]
     return pseudo_huber(z, 2.0)
 
 
-def _log(ratio: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _log(ratio: Complexes) -> Complexes:
     return complex_log(np.where((ratio == 0) | ~np.isfinite(ratio), 1e-300, ratio))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fem.array_types import Bools, Complexes, Floats
 from fem.summary import counted
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.fit import FitProblem
@@ -122,8 +123,8 @@ class Gates:
     """
 
     sensors: tuple[str, ...]
-    misfit: NDArray[np.float64]
-    cross_misfit: NDArray[np.float64]
+    misfit: Floats
+    cross_misfit: Floats
     reciprocity: tuple[Reciprocity, ...]
     homogeneity: tuple[Homogeneity, ...]
     noise_db: float
@@ -420,7 +421,7 @@ def homogeneity(
     return tuple(out)
 
 
-def _means(x: NDArray[np.complex128], seen: NDArray[np.bool_]) -> NDArray[np.complex128]:
+def _means(x: Complexes, seen: Bools) -> Complexes:
     """Return means over neighbouring lines that count, (n_freq, n_out, n_in)."""
     half = _NEIGHBOURS // 2
 

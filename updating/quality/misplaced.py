@@ -10,8 +10,8 @@ not independent: of all lines as many count as the band has independent data.
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import dofs_of
 from updating.inference.fit import FitProblem
 from updating.measurement.measurement import Sensor
@@ -62,9 +62,7 @@ def misplaced_force(problem: FitProblem, X: CrossPrediction, j: int) -> tuple[fl
     return float(gain[best]), moved(problem, force, "excitation_position", points[best], places[points[best]])
 
 
-def _log_likelihoods(
-    problem: FitProblem, X: CrossPrediction, j: int, forces: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _log_likelihoods(problem: FitProblem, X: CrossPrediction, j: int, forces: Floats) -> Floats:
     """Return the log likelihood of the readings of force j for other forces (n_dof, n), each (n,)."""
     mean = X.field.respond(forces)
     y, seen = X.measured[:, :, j], X.seen[:, :, j]

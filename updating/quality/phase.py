@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.analysis.frf import FRF
+from fem.array_types import Bools, Complexes, Floats, Ints
 from updating.measurement.measurement import Measurement, at_one_place
 
 ANTICAUSAL_DEVIATIONS = 5.0
@@ -65,21 +66,21 @@ class PhaseEvidence:
 
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
-    log_ratio: NDArray[np.float64]
-    deviations: NDArray[np.float64]
-    ringing: NDArray[np.float64]
-    lines: NDArray[np.float64]
-    sense: NDArray[np.complex128]
+    log_ratio: Floats
+    deviations: Floats
+    ringing: Floats
+    lines: Floats
+    sense: Complexes
 
     @property
-    def direction(self) -> NDArray[np.float64]:
+    def direction(self) -> Floats:
         """1 where an FRF is certainly causal, -1 where it surely runs backwards, 0 where nobody knows."""
         # Energy of one direction of time over that of the other beyond which the direction is certain [-]
         known = (np.abs(self.deviations) > ANTICAUSAL_DEVIATIONS) & (np.abs(self.log_ratio) > np.log(2.0))
         return np.where(known, np.sign(self.log_ratio), 0.0)
 
     @property
-    def axis(self) -> NDArray[np.float64]:
+    def axis(self) -> Floats:
         """1 where the phase certainly fits the kind, -1 where a quarter turn off, 0 where nobody knows."""
         both = np.stack([self.ringing, self.lines])
         right, turned = (both > QUADRATURE).all(axis=0), (both < -QUADRATURE).all(axis=0)
@@ -134,9 +135,7 @@ def phase_evidence(frf: FRF) -> PhaseEvidence:
     return PhaseEvidence(frf.outputs, frf.inputs, log_ratio, deviations, ringing, lines, sense)
 
 
-def _evidence(
-    frequency: NDArray[np.float64], H: NDArray[np.complex128], expected: NDArray[np.complex128]
-) -> tuple[NDArray[Any], ...]:
+def _evidence(frequency: Floats, H: Complexes, expected: Complexes) -> tuple[NDArray[Any], ...]:
     """Return the five arrays of :class:`PhaseEvidence` for the responses to one force, (n_out,) each.
 
     ``expected`` (n_out,) is the phase of a response to a slow force.
@@ -163,7 +162,7 @@ def _evidence(
     return log_ratio, deviations, quality, lines, sense
 
 
-def _levelled(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _levelled(frequency: Floats, H: Complexes) -> Complexes:
     """Return FRFs times the power of frequency that spreads the energy of each over the most lines.
 
     A smooth positive factor moves neither times nor phases; without it the first resonance of a receptance
@@ -176,7 +175,7 @@ def _levelled(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDAr
     return np.take_along_axis(trials, spread.argmax(axis=0)[None, None], axis=0)[0]
 
 
-def _even(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _even(frequency: Floats, H: Complexes) -> Complexes:
     """Return FRFs at even lines.
 
     Linear interpolation weighs times by an even function: it favours neither direction.
@@ -192,7 +191,7 @@ def _even(frequency: NDArray[np.float64], H: NDArray[np.complex128]) -> NDArray[
     return np.stack(columns, axis=1)
 
 
-def _energy(h: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _energy(h: Complexes) -> tuple[Floats, Floats]:
     """Return the energy of each column, and how many samples carry it."""
     e = np.abs(h) ** 2
     total, square = e.sum(axis=0), (e**2).sum(axis=0)
@@ -200,12 +199,7 @@ def _energy(h: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.
         return total, np.where(square > 0, total**2 / square, np.nan)
 
 
-def _residues(
-    ringing: NDArray[np.complex128],
-    noise: NDArray[np.float64],
-    n: int,
-    expected: NDArray[np.complex128],
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _residues(ringing: Complexes, noise: Floats, n: int, expected: Complexes) -> tuple[Floats, Complexes]:
     """Return the mean cosine of twice the residues' angle from the expected one, and their mean direction.
 
     A resonance that begins to ring at the gate has its peak in the transform of later times, with the phase
@@ -229,7 +223,7 @@ def _residues(
     return quality, sense
 
 
-def _apart(size: NDArray[np.float64], peaks: NDArray[np.int64]) -> list[int]:
+def _apart(size: Floats, peaks: Ints) -> list[int]:
     """Return the highest peaks with a valley of half their height between them: noise makes lesser ones."""
     out: list[int] = []
     for p in peaks[np.argsort(-size[peaks])]:
@@ -275,9 +269,7 @@ def misphased(evidence: PhaseEvidence, driven: Sequence[tuple[int, int, float]] 
     return out
 
 
-def _explained(
-    state: NDArray[np.float64], evidence: PhaseEvidence
-) -> list[tuple[str, tuple[str, ...], NDArray[np.bool_]]]:
+def _explained(state: Floats, evidence: PhaseEvidence) -> list[tuple[str, tuple[str, ...], Bools]]:
     """Return groups that contain the FRFs of state -1 and none of state 1: name, members, which."""
     bad, good = state < 0, state > 0
     if not bad.any():

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.elements.frame import Frame
 from fem.mesh import Mesh
 from fem.model import Model, dofs_of
@@ -49,7 +49,7 @@ def _on_member(mesh: Mesh, sensor: Sensor) -> bool:
 
 
 def _tilt_hypotheses(
-    problem: FitProblem, X: CrossPrediction, i: int, series: Series, before: NDArray[np.float64]
+    problem: FitProblem, X: CrossPrediction, i: int, series: Series, before: Floats
 ) -> list[FaultHypothesis]:
     """Return tilts of sensor i about two axes, and about the axis that explains most."""
     model, sensor = problem.reduced.model, problem.data.measurement.sensors[i]
@@ -60,7 +60,7 @@ def _tilt_hypotheses(
         towards = sensor.axes_across
     other = X.elsewhere(i, towards @ X.field.shapes[6 * point : 6 * point + 3])
 
-    def tilted(a: NDArray[np.float64], motion: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def tilted(a: Floats, motion: Complexes) -> Complexes:
         angle = a[:, None, None]
         return np.cos(angle) * series.predicted + np.sin(angle) * motion
 
@@ -81,7 +81,7 @@ def _tilt_hypotheses(
 
 
 def _position_hypotheses(
-    problem: FitProblem, X: CrossPrediction, i: int, series: Series, before: NDArray[np.float64]
+    problem: FitProblem, X: CrossPrediction, i: int, series: Series, before: Floats
 ) -> list[FaultHypothesis]:
     """Return the best other place of sensor i: on its member or, if it is on none, of the test."""
     model, sensor = problem.reduced.model, problem.data.measurement.sensors[i]
@@ -102,7 +102,7 @@ def _position_hypotheses(
     member, position = _stated_place(mesh, sensor)
     length = mesh.member_length(member)
 
-    def at(s: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def at(s: Floats) -> Complexes:
         dofs, N = frames[0].interpolate(mesh, [mesh.locate(member, float(x)) for x in s])
         motion = np.einsum("d,ndk->nk", sensor.direction, N[:, :3])
         return X.elsewhere(i, np.einsum("nk,nkr->nr", motion, X.field.shapes[dofs]))
@@ -145,7 +145,7 @@ def _series(X: CrossPrediction, i: int) -> Series:
     return Series(X.field.frequency, X.measured[:, i], predicted, sigma, X.seen[:, i])
 
 
-def _directions(model: Model, sensor: Sensor, member: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _directions(model: Model, sensor: Sensor, member: str) -> tuple[Floats, Floats]:
     """Return unit vectors square to a sensor's direction, the first in its plane with the member's axis."""
     mesh = model.mesh
     points = mesh.points[mesh.member_points(member)]
@@ -161,9 +161,7 @@ def _directions(model: Model, sensor: Sensor, member: str) -> tuple[NDArray[np.f
     return towards, np.asarray(np.cross(towards, d), dtype=float)
 
 
-def best_azimuth(
-    least: Callable[[NDArray[np.complex128]], float], motions: NDArray[np.complex128]
-) -> NDArray[np.float64]:
+def best_azimuth(least: Callable[[Complexes], float], motions: Complexes) -> Floats:
     """Return the direction in the plane of two motions with the least loss, (1, 2): to 15°, then to 3°."""
     best, width = 0.0, np.radians(75)
     for step in np.radians([15.0, 3.0]):

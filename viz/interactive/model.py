@@ -8,7 +8,7 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
-from fem.array_types import Floats
+from fem.array_types import Floats, Ints
 from fem.declarations import SUPPORT_MARKER
 from fem.model import Model
 from updating.measurement.measurement import MOTION, Sensor
@@ -145,7 +145,7 @@ def _member_traces(
 
 
 def _valued_members(
-    surface: Surface, vertex: NDArray[np.int64], owner: NDArray[Any], values: Floats, label: str, top: float
+    surface: Surface, vertex: Ints, owner: NDArray[Any], values: Floats, label: str, top: float
 ) -> dict[str, Any]:
     at = owner[vertex].tolist()
     shown = values[vertex]
@@ -274,7 +274,7 @@ def _direction(sensor: Sensor) -> str:
 
 def _effect_traces(model: Model) -> list[dict[str, Any]]:
     """Return the places of the model's effects, one trace for each kind."""
-    by_kind: dict[str, list[tuple[Any, NDArray[np.float64]]]] = {}
+    by_kind: dict[str, list[tuple[Any, Floats]]] = {}
     for effect in (e for e in model.effects if e.is_marked and not e.is_form):
         for point in effect.locations(model):
             kind = effect.kind if support_axes(effect, model) is None else "support"

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import Normalize
-from numpy.typing import NDArray
 from plotly.graph_objects import Figure
 
+from fem.array_types import Floats
 from fem.model import Effect, Model
 from updating.diagnosis.evidence.places import place_of
 from updating.plan.plan import Outlook
@@ -63,9 +63,7 @@ class Wording:
         return f"{plain(self.place(o.relevant))}:<br>   {plain(size)}"
 
 
-def sizes_figure(
-    model: Model, kinds: Sequence[Sequence[Outlook]], wording: Wording, height: float = 430
-) -> Figure:
+def sizes_figure(model: Model, kinds: Sequence[Sequence[Outlook]], wording: Wording) -> Figure:
     """Return a structure to turn, coloured by the least size that is shown at each place.
 
     Members are coloured where an effect is one of the whole member, and marks elsewhere. Of several effects
@@ -78,8 +76,6 @@ def sizes_figure(
     kinds : sequence of sequence of Outlook
         Effects of one kind and unit each.
     wording : Wording
-    height : float
-        [pixel].
 
     Raises
     ------
@@ -96,7 +92,7 @@ def sizes_figure(
         traces += [{**trace, "visible": k == 0} for trace in drawn]
         owner += [k] * len(drawn)
     visible = [[o in (-1, k) for o in owner] for k in range(len(kinds))]
-    look = layout(height, scene=scene(surface.rest), meta={"visible": visible})
+    look = layout(430, scene=scene(surface.rest), meta={"visible": visible})
     look["margin"] |= {"l": 0, "r": 0, "b": 0}
     return Figure(traces, look)
 
@@ -105,7 +101,7 @@ def sizes_figure(
 class _Spot:
     """A place with the sizes that are shown there, infinite where none is plausible, and a line for each."""
 
-    point: NDArray[np.float64]
+    point: Floats
     sizes: list[float]
     lines: list[str]
 

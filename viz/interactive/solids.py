@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from fem.array_types import Floats, Ints
+from fem.array_types import Bools, Floats, Ints
 from fem.lengths import shown_length
 from viz import style
 from viz.interactive.theme import EDGE, VEIL, coordinates, plain
@@ -48,7 +48,7 @@ class MarkedPlace:
         ``"finding"`` and ``"fault"`` are named in the figure, ``"candidate"`` when one points at it.
     """
 
-    point: NDArray[np.float64]
+    point: Floats
     name: str
     label: str = ""
     role: str = "finding"
@@ -73,26 +73,26 @@ def _smallest(rows: Ints) -> NDArray[Any]:
     return np.ascontiguousarray(rows.astype(np.uint16 if top < 2**16 else np.uint32))
 
 
-def part_of(surface: Surface, chosen: NDArray[np.bool_]) -> tuple[NDArray[np.int64], Ints]:
+def part_of(surface: Surface, chosen: Bools) -> tuple[Ints, Ints]:
     """Return the vertices that the chosen triangles of a surface use, and the triangles in their numbers."""
     triangles = surface.triangles[chosen]
     used, numbered = np.unique(triangles, return_inverse=True)
     return used, numbered.reshape(-1, 3)
 
 
-def line_of_vertex(surface: Surface) -> NDArray[np.int64]:
+def line_of_vertex(surface: Surface) -> Ints:
     """Return the line of the mesh that each vertex belongs to, shape (n,)."""
     out = np.zeros(len(surface.centre), dtype=np.int64)
     out[surface.triangles.ravel()] = np.repeat(surface.line, 3)
     return out
 
 
-def edge_rows(edges: Ints) -> NDArray[np.int64]:
+def edge_rows(edges: Ints) -> Ints:
     """Return the vertices of edges in the order in which a line passes them, -1 for each gap."""
     return np.column_stack([edges, np.full(len(edges), -1)]).ravel()
 
 
-def along(vertices: Floats, rows: NDArray[np.int64]) -> NDArray[np.float32]:
+def along(vertices: Floats, rows: Ints) -> NDArray[np.float32]:
     """Return vertices in an order of :func:`edge_rows`, NaN at the gaps, shape (n, 3)."""
     return np.where(rows[:, None] < 0, np.nan, vertices[rows]).astype(np.float32)
 
@@ -158,7 +158,7 @@ def _lines(text: str) -> str:
     return "<br>".join(map(plain, text.split("\n")))
 
 
-def _note(point: NDArray[np.float64], text: str, colour: str, k: int) -> dict[str, Any]:
+def _note(point: Floats, text: str, colour: str, k: int) -> dict[str, Any]:
     return {
         **dict(zip("xyz", map(float, point), strict=True)),
         "text": f"<b>{_lines(text)}</b>",

@@ -163,9 +163,9 @@ def key(name: str, colour: str) -> dict[str, Any]:
     }
 
 
-def colour_scale(cmap: Any, n: int = 12) -> list[tuple[float, str]]:
+def colour_scale(cmap: Any) -> list[tuple[float, str]]:
     """Return a matplotlib colour map as one of plotly's."""
-    return [(float(t), rgb_text(cmap(float(t)))) for t in np.linspace(0, 1, n)]
+    return [(float(t), rgb_text(cmap(float(t)))) for t in np.linspace(0, 1, 12)]
 
 
 def colour_bar(

@@ -9,7 +9,7 @@ import numpy as np
 from dovetail.report import cells
 from dovetail.report.blocks import Block, Details, TableBlock, Text
 from dovetail.report.table import Column, Table
-from dovetail.result import RunResult, by_frfs
+from dovetail.result import RunResult, by_frfs, by_modes_alone
 from fem.array_types import Floats
 from fem.summary import percent
 from updating.diagnosis.mode_table import ModeTable
@@ -105,12 +105,38 @@ def page(result: RunResult[Verdict], shown: "Shown") -> list[Block | None]:
         caption="Root mean square of ln(f computed / f measured)",
     )
     return [
+        _states(result, m),
         Text(CORRECTED if d.baseline is not None else ""),
         shown.figure("deviations", alt, DEVIATIONS + predicted, ["deviations"]),
         TableBlock([*head, ""], rows, numbers=range(len(head)), caption="Measured modes", at_most=25),
         beside if by_frfs(d) else None,  # the staircase has these errors elsewhere
         shown.figure("mac", "Modal assurance criteria as a map.", MAC, ["mac"]) if shaped else None,
     ]
+
+
+def _states(result: RunResult[Verdict], m: ModeTable) -> TableBlock | None:
+    """Return the natural frequencies of both states, measured and of the models; None for one state.
+
+    A mode has the same number in the models of both states.
+    """
+    d, given = result.diagnosis, result.study.modes
+    if not by_modes_alone(d) or d.baseline is None or given is None:
+        return None
+    first, numbers = d.baseline, d.problem.computed(d.final.fitted).partner
+    rows = []
+    for k, after in enumerate(given.modes.frequency):
+        (same,) = np.nonzero((first.computed.partner == numbers[k]) & (numbers[k] >= 0))
+        before, model = math.nan, math.nan
+        if same.size:
+            before = float(first.problem.targets.frequency[same[0]])
+            model = float(first.computed.frequency[same[0]])
+        pairs = (before, float(after)), (model, float(m.found[k]))
+        cells_of = [[*(cells.number(f, 5) for f in pair), cells.shift(*pair)] for pair in pairs]
+        rows.append([k + 1, *cells_of[0], *cells_of[1]])
+    head = ["mode", "before [Hz]", "after [Hz]", "change [%]"]
+    head += ["model before [Hz]", "model after [Hz]", "model's change [%]"]
+    caption = "Natural frequencies before and after, as measured and of the models"
+    return TableBlock(head, rows, numbers=range(7), caption=caption, at_most=25)
 
 
 def _identified(found: "ModesInFrfs", shown: "Shown") -> list[Block | None]:

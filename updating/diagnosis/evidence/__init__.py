@@ -9,12 +9,18 @@ if TYPE_CHECKING:
     from updating.diagnosis.evidence.blocks import Blocks
     from updating.diagnosis.evidence.budget import NORMAL
     from updating.diagnosis.evidence.channel_rivals import without_effects_of_channels
-    from updating.diagnosis.evidence.diagnosis import UNKNOWN, Searched, search_by_evidence
+    from updating.diagnosis.evidence.diagnosis import (
+        UNKNOWN,
+        Searched,
+        prepare_search,
+        search_of_problem,
+        searched,
+    )
     from updating.diagnosis.evidence.fits import N_STARTS, QUICK_STEPS, SHORT_STEPS, Fits
     from updating.diagnosis.evidence.halving import Damped
     from updating.diagnosis.evidence.hypothesis import (
-        Hypothesis,
         Odds,
+        ScoredFit,
         Start,
         n_changes,
         near_to,

@@ -4,17 +4,17 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, values_of
+from updating.diagnosis.evidence.hypothesis import Odds, ScoredFit, values_of
 from updating.inference.fit_function import FitFunction
 from updating.inference.problem import Problem
 
 
 def gains_without(
-    problem: Problem[Any], h: Hypothesis, groups: Sequence[Collection[str]], odds: Odds
-) -> NDArray[np.float64]:
+    problem: Problem[Any], h: ScoredFit, groups: Sequence[Collection[str]], odds: Odds
+) -> Floats:
     """Return by how much the score of a hypothesis would rise without each of some groups of its effects.
 
     Near a converged optimum x with the covariance C, ln p(data) without the unknowns o changes by
@@ -24,7 +24,7 @@ def gains_without(
     Parameters
     ----------
     problem : Problem
-    h : Hypothesis
+    h : ScoredFit
         Fitted.
     groups : sequence of collection of str
         Names of effects.
@@ -74,7 +74,7 @@ def _way(function: FitFunction, by_name: dict[str, Effect], i: int, x: float) ->
     return (max(grid) if np.isinf(p.absent) else min(grid)) - x
 
 
-def left_out(problem: Problem[Any], h: Hypothesis, names: Sequence[str], odds: Odds) -> set[str]:
+def left_out(problem: Problem[Any], h: ScoredFit, names: Sequence[str], odds: Odds) -> set[str]:
     """Return which effects, one after the other and not all, would raise a score by their absence."""
     removed: set[str] = set()
     best = 0.0

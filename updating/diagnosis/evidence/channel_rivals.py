@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from updating.diagnosis.evidence.diagnosis import Searched
-from updating.diagnosis.evidence.hypothesis import Hypothesis, key_of, values_of
+from updating.diagnosis.evidence.hypothesis import ScoredFit, key_of, values_of
 from updating.diagnosis.evidence.readings import log_prior
 from updating.diagnosis.evidence.search import Search
 from updating.inference.fit import FitProblem
@@ -42,7 +42,7 @@ def _without(done: Searched[FitProblem], name: str) -> Searched[FitProblem] | No
     return _corrected(done, h, faults) if faults else None
 
 
-def _corrected(done: Searched[FitProblem], h: Hypothesis, faults: tuple[Fault, ...]) -> Searched[FitProblem]:
+def _corrected(done: Searched[FitProblem], h: ScoredFit, faults: tuple[Fault, ...]) -> Searched[FitProblem]:
     """Return a search of data corrected for faults that has fitted a hypothesis, and nothing, to them."""
     one = done.search
     problem = one.fits.problem
@@ -57,7 +57,7 @@ def _corrected(done: Searched[FitProblem], h: Hypothesis, faults: tuple[Fault, .
         beforehand=one.fits.odds.beforehand + log_prior(faults, problem.data),
         budget=one.budget,
     )
-    near = Hypothesis(replace(h.fitted, channels=h.fitted.channels[:0]), h.prior)
+    near = ScoredFit(replace(h.fitted, channels=h.fitted.channels[:0]), h.prior)
     search.full((), (), near if not h.effects else None)
     fitted = search.full(h.effects, values_of(h.effects), near)
     others = (replace(done, otherwise=()), *done.otherwise)

@@ -14,7 +14,7 @@ from updating.diagnosis.begin import calibrated
 from updating.diagnosis.candidates import propose, situated
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.fits import P
-from updating.diagnosis.evidence.hypothesis import Hypothesis
+from updating.diagnosis.evidence.hypothesis import ScoredFit
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.diagnosis.evidence.readings import as_read, doubtful, log_prior
 from updating.diagnosis.evidence.search import Search
@@ -50,7 +50,7 @@ class Searched(Generic[P]):
     Attributes
     ----------
     search : Search
-    best : Hypothesis
+    best : ScoredFit
     faults : tuple of Fault
         Set right before the search.
     mesh_db : float
@@ -67,7 +67,7 @@ class Searched(Generic[P]):
     """
 
     search: Search[P]
-    best: Hypothesis
+    best: ScoredFit
     faults: tuple[Fault, ...]
     mesh_db: float
     model: Model
@@ -97,7 +97,7 @@ class Searched(Generic[P]):
         return self.search.unknown(self.best)
 
     @property
-    def lead(self) -> Hypothesis:
+    def lead(self) -> ScoredFit:
         """The best hypothesis, or the best with effects where it has none and cannot explain the data."""
         if self.best.effects or self.explains or not self.finished:
             return self.best
@@ -127,13 +127,13 @@ class Searched(Generic[P]):
         return float(np.logaddexp.reduce(np.array([*scores, self.unknown])))
 
     @property
-    def hypotheses(self) -> list[Hypothesis]:
+    def hypotheses(self) -> list[ScoredFit]:
         """All that were fitted fully, at further positions and by other readings of the data, too."""
         fitted = [*self.search.known.values(), *self.search.elsewhere]
         return fitted + [h for other in self.otherwise for h in other.hypotheses]
 
     @property
-    def weighed(self) -> list[Hypothesis]:
+    def weighed(self) -> list[ScoredFit]:
         """All that share the probability: those that were not fitted, too."""
         mine = [*self.search.known.values(), *self.search.elsewhere, *self.search.promises()]
         return mine + [h for other in self.otherwise for h in other.weighed]
@@ -143,7 +143,7 @@ class Searched(Generic[P]):
         """Faults set right in either reading."""
         return (*self.faults, *(f for other in self.otherwise for f in other.faults))
 
-    def names(self, h: Hypothesis) -> tuple[str, ...]:
+    def names(self, h: ScoredFit) -> tuple[str, ...]:
         """Return the names of a hypothesis's effects, and of its faults where others are set right here.
 
         Of a fault that is set right here alone, the name follows ``AS_READ``.
@@ -152,7 +152,7 @@ class Searched(Generic[P]):
         here, there = ({f.name for f in way.faults} for way in (self, other))
         return tuple(sorted([*h.key, *(there - here), *(f"{AS_READ}{name}" for name in here - there)]))
 
-    def probability(self, h: Hypothesis) -> float:
+    def probability(self, h: ScoredFit) -> float:
         """Return the posterior probability of a hypothesis."""
         return float(np.exp(h.score - self.evidence))
 
@@ -161,35 +161,13 @@ class Searched(Generic[P]):
         """Posterior probability of what the library does not have."""
         return float(np.exp(self.unknown - self.evidence))
 
-    def probability_there(self, h: Hypothesis) -> float:
+    def probability_there(self, h: ScoredFit) -> float:
         """Return the probability that something is missing at all places of a hypothesis, alone or not.
 
         Of a hypothesis without effects, that nothing is missing.
         """
         there = (k for k in self.weighed if (h.places <= k.places if h.places else not k.places))
         return sum(map(self.probability, there))
-
-
-def search_by_evidence(
-    model: Model,
-    measurement: Measurement,
-    nuisances: Sequence[Nuisance] = (),
-    *,
-    kinds: Sequence[str] | None = None,
-    exclude: Sequence[str] = (),
-    progress: Progress | None = None,
-    crew: Workers = ALONE,
-    **settings: Unpack[ProblemOptions],
-) -> Searched[FitProblem]:
-    """Search what a model lacks; parameters as of :func:`updating.diagnosis.diagnose.diagnose`.
-
-    A ``crew`` computes independent fits.
-    """
-    say = progress or (lambda text, done: None)
-    say("reducing the model", 0.0)
-    prepared = prepare_search(model, measurement, nuisances, kinds=kinds, exclude=exclude, **settings)
-    say("fitting the uncertain parameters", 0.05)
-    return searched(search_of_problem(*prepared, progress=say, crew=crew), say)
 
 
 @one_thread()
@@ -252,7 +230,7 @@ def search_of_problem(
             budget=budget,
         )
         first = fit(problem, stages=problem.stages[-1:], x_from=near, **lines)
-        nothing = search.fits.scattered(problem, Hypothesis(first, search.fits.odds.prior(())))
+        nothing = search.fits.scattered(problem, ScoredFit(first, search.fits.odds.prior(())))
         search.known[frozenset()] = nothing
         return Searched(search, nothing, faults, formed.mesh_db, formed.formed, notes)
 

@@ -12,7 +12,7 @@ import numpy as np
 from fem.model import Effect
 from updating.diagnosis.evidence.absence import left_out
 from updating.diagnosis.evidence.budget import NORMAL, Budget
-from updating.diagnosis.evidence.hypothesis import Hypothesis, Odds, Start, Values, values_of
+from updating.diagnosis.evidence.hypothesis import Odds, ScoredFit, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.belief import FAR_STD
 from updating.inference.fit_result import FitResult
@@ -62,22 +62,22 @@ class Fits(Generic[P]):
         """Names of the effects that are the form."""
         return {n.effect for n in self.form}
 
-    def is_far(self, h: Hypothesis) -> bool:
+    def is_far(self, h: ScoredFit) -> bool:
         """Whether a hypothesis is so far from the data that uncertain parameters may be bent, or they are."""
         return h.fitted.level > FAR * self.floor or self.is_bent(h)
 
-    def is_near(self, h: Hypothesis) -> bool:
+    def is_near(self, h: ScoredFit) -> bool:
         """Whether a hypothesis explains the data with uncertain parameters that are plausible.
 
         Of many of them the largest may be far from nominal.
         """
         return h.fitted.level <= FAR * self.floor and self.problem.strain_of_one(h.fitted) <= FAR_STD
 
-    def is_bent(self, h: Hypothesis) -> bool:
+    def is_bent(self, h: ScoredFit) -> bool:
         """Whether uncertain parameters of a model without effects are implausibly far from nominal."""
         return not h.effects and self.problem.strain(h.fitted) > FAR_STD
 
-    def problems(self, base: Hypothesis) -> tuple[P, P]:
+    def problems(self, base: ScoredFit) -> tuple[P, P]:
         """Return the problems of short fits, and of fits continued from them, that extend a hypothesis.
 
         Short ones have a nominal form where that is far from the data: in a few steps it would only bend
@@ -90,22 +90,22 @@ class Fits(Generic[P]):
         quick = replace(self.problem, nuisances=nuisances)
         return replace(quick, scatter=self.ranking.scatter(quick, self.without_fixed(base))), free
 
-    def free(self, base: Hypothesis) -> P:
+    def free(self, base: ScoredFit) -> P:
         """Return the problem of fits that extend a hypothesis, with its form free."""
         return replace(self.problem, scatter=self.ranking.scatter(self.problem, base.fitted))
 
-    def fixed(self, base: Hypothesis) -> set[str]:
+    def fixed(self, base: ScoredFit) -> set[str]:
         """Return the names of effects that do not vary in short fits that extend a hypothesis."""
         return self.form_names if self.is_far(base) else set()
 
-    def without_fixed(self, base: Hypothesis) -> FitResult:
+    def without_fixed(self, base: ScoredFit) -> FitResult:
         """Return the result of a hypothesis without what does not vary in short fits that extend it."""
         result, fixed = base.fitted, self.fixed(base)
         return replace(result, values={r: v for r, v in result.values.items() if r[0] not in fixed})
 
     def shortly(
         self, quick: P, effects: Sequence[Effect], starts: Sequence[Start], steps: int = SHORT_STEPS
-    ) -> list[Hypothesis]:
+    ) -> list[ScoredFit]:
         """Return a hypothesis after a few steps from each of some starts, the best first.
 
         None where no start has a structure. Of many starts those go on that do best in the lowest band.
@@ -128,12 +128,12 @@ class Fits(Generic[P]):
         how: dict[str, Any] = {"stages": quick.stages[:1], "n_lines": 16, "max_iterations": 3}
         return self._fit(quick, effects, start.values, **how).fitted.log_likelihood, start
 
-    def continued(self, quick: P, hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+    def continued(self, quick: P, hypotheses: Sequence[ScoredFit]) -> ScoredFit:
         """Return the best of hypotheses with the same effects that are fitted on from where they are."""
         fits = [self.quickly(quick, h, h.effects, values_of(h.effects)) for h in hypotheses]
         return max(fits, key=lambda h: h.score)
 
-    def pruned(self, quick: P, h: Hypothesis, base: Hypothesis) -> Hypothesis:
+    def pruned(self, quick: P, h: ScoredFit, base: ScoredFit) -> ScoredFit:
         """Return a hypothesis without those of several new effects whose absence raises its score.
 
         On few lines; one of them stays. The covariance tells which, and a fit confirms it. Where it does not,
@@ -155,12 +155,12 @@ class Fits(Generic[P]):
             h = best
         return h
 
-    def _without(self, quick: P, h: Hypothesis, groups: Sequence[Set[str]]) -> list[Hypothesis]:
+    def _without(self, quick: P, h: ScoredFit, groups: Sequence[Set[str]]) -> list[ScoredFit]:
         """Return fits without some effects, from near where all are."""
         rests = [tuple(e for e in h.effects if e.name not in names) for names in groups]
         return possible(partial(self.quickly, quick, h, rest, values_of(rest)) for rest in rests)
 
-    def quickly(self, quick: P, near: Hypothesis, effects: Sequence[Effect], values: Values) -> Hypothesis:
+    def quickly(self, quick: P, near: ScoredFit, effects: Sequence[Effect], values: Values) -> ScoredFit:
         """Return a hypothesis fitted on few lines from near another one.
 
         The lines count as those of a full fit.
@@ -174,7 +174,7 @@ class Fits(Generic[P]):
         effects: Sequence[Effect],
         values: Values,
         steps: int = QUICK_STEPS,
-    ) -> Hypothesis:
+    ) -> ScoredFit:
         """Return a hypothesis as :meth:`quickly`, from near a result."""
         problem = with_forces(quick, effects, values)
         way: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": near}
@@ -186,10 +186,10 @@ class Fits(Generic[P]):
         self,
         effects: Sequence[Effect],
         values: Values,
-        near: Hypothesis | None = None,
+        near: ScoredFit | None = None,
         *,
         anew: bool = False,
-    ) -> Hypothesis:
+    ) -> ScoredFit:
         """Return a hypothesis fitted on all lines with the form free, from some values.
 
         Everything else begins where it is near there, or else at its nominal value, band by band. With
@@ -202,7 +202,7 @@ class Fits(Generic[P]):
         fits = [self._where_it_is(problem, effects, values, **way) for way in ways]
         return self.scattered(problem, max(fits, key=lambda h: h.fitted.log_evidence))
 
-    def _where_it_is(self, problem: P, effects: Sequence[Effect], values: Values, **way: Any) -> Hypothesis:
+    def _where_it_is(self, problem: P, effects: Sequence[Effect], values: Values, **way: Any) -> ScoredFit:
         """Return a fit, on a basis for the places to which it moves effects."""
         h = self._fit(problem, effects, values, **self._all_lines, **way)
         if not any(p.position for e in h.effects for p in e.parameters()):
@@ -217,12 +217,12 @@ class Fits(Generic[P]):
             h = self._fit(problem, h.effects, values_of(h.effects), **self._all_lines, **again)
         return h
 
-    def scattered(self, problem: P, h: Hypothesis) -> Hypothesis:
+    def scattered(self, problem: P, h: ScoredFit) -> ScoredFit:
         """Return a hypothesis fitted on with the small deviations of its form, of the modes it has there."""
         how = {"n_passes": self.budget.n_passes, "n_lines": self.budget.n_lines}
         return replace(h, fitted=scattered(problem, h.fitted, self.ranking.scatter, **how))
 
-    def again(self, h: Hypothesis) -> Hypothesis:
+    def again(self, h: ScoredFit) -> ScoredFit:
         """Return a full fit continued from a hypothesis and its deviations, on an enlarged basis."""
         values = values_of(h.effects)
         problem = with_forces(self.problem, h.effects, values)
@@ -237,8 +237,8 @@ class Fits(Generic[P]):
         """Lines of full fits, and as how many they count."""
         return {"n_lines": self.budget.n_lines, "counted_as": FULL_LINES}
 
-    def _fit(self, problem: P, effects: Sequence[Effect], values: Values, **how: Any) -> Hypothesis:
-        return Hypothesis(fit(problem, effects, values, **how), self.odds.prior(effects))
+    def _fit(self, problem: P, effects: Sequence[Effect], values: Values, **how: Any) -> ScoredFit:
+        return ScoredFit(fit(problem, effects, values, **how), self.odds.prior(effects))
 
 
 def with_forces(problem: P, effects: Sequence[Effect], values: Values) -> P:

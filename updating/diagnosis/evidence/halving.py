@@ -12,8 +12,8 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.model import Effect
 from updating.correlation import log_ratio
 from updating.diagnosis.evidence.fits import with_forces
@@ -131,7 +131,7 @@ class Damped:
         problem, lines = self.problem, weak.lines_up_to(np.inf, 24)
         exact, mask = replace(weak, scatter=None).receptance(self.result, lines), weak.data.mask[lines]
 
-        def level(H: NDArray[np.complex128]) -> float:
+        def level(H: Complexes) -> float:
             ratio = np.where(mask, log_ratio(exact, np.where(mask, H[lines], 1.0)), np.nan)
             return problem.level(ratio, lines)
 
@@ -232,14 +232,14 @@ def _fitted(shared: tuple[FitProblem, HalvingStage], candidate: Candidate) -> Ha
 
 def _begun(
     problem: FitProblem, stage: HalvingStage, effects: tuple[Effect, ...], start: Start
-) -> tuple[FrfFunction, NDArray[np.float64]]:
+) -> tuple[FrfFunction, Floats]:
     """Return the residuals of effects on the lines of a stage, and where they begin."""
     problem = with_forces(problem, effects, start.values)
     function = problem.function(effects, start.values, problem.lines_up_to(np.inf, stage.n_lines))
     return function, function.moved_to(start.near)
 
 
-def _misfit(begun: tuple[FrfFunction, NDArray[np.float64]]) -> float:
+def _misfit(begun: tuple[FrfFunction, Floats]) -> float:
     """Return the mean square of the residuals at a start."""
     function, x = begun
     return float(function.misfit(x).mean())

@@ -32,7 +32,7 @@ class Start:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hypothesis:
+class ScoredFit:
     """A model with effects, fitted, or as the forecast beside another fit has it.
 
     Attributes
@@ -55,7 +55,7 @@ class Hypothesis:
         """Logarithm of its posterior probability, up to a constant."""
         return self.fitted.log_evidence + self.prior
 
-    def at_score(self, score: float) -> "Hypothesis":
+    def at_score(self, score: float) -> "ScoredFit":
         """Return the same with another score."""
         return replace(self, fitted=replace(self.fitted, log_evidence=score - self.prior))
 
@@ -124,7 +124,7 @@ class Odds:
         return self.prior(effects) - self.prior((*effects, *new))
 
 
-def is_simpler(h: Hypothesis, other: Hypothesis) -> bool:
+def is_simpler(h: ScoredFit, other: ScoredFit) -> bool:
     """Return whether a hypothesis has nothing that another one does not have or contain, and less."""
     here = (e.name in other.key or any(covers(o, e) for o in other.effects) for e in h.effects)
     return h.key != other.key and all(here)

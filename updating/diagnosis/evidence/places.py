@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats, Ints
 from fem.lengths import length_text
-from fem.model import Contribution, Effect, Model, parameter_values
+from fem.model import Contribution, Effect, Model
 from fem.reduction.local_changes import LocalChanges
 from updating.inference.problem import Problem
 
@@ -20,9 +20,6 @@ ALONG = 11
 """Points along each member that are places of their own."""
 SAME_MOTION = 1e-3
 """Motions whose responses at the sensors differ by less are one [-]."""
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +111,7 @@ class Reach:
         for place in places:
             local: list[Complexes] = []
             each: list[Complexes] = []
-            forces: list[tuple[NDArray[np.int64], Floats]] = []
+            forces: list[tuple[Ints, Floats]] = []
             released = {key for effect in place.effects for key in effect.released()}
             if rows := [n for n, key in enumerate(keys) if key in released]:
                 local.append(violations[rows].transpose(2, 1, 0))
@@ -160,7 +157,7 @@ def acting(effect: Effect) -> Effect:
     return effect.with_values(**{p.name: values[int(np.argmin(size))]})
 
 
-def motions_of(contributions: Sequence[Contribution]) -> tuple[NDArray[np.int64], Floats]:
+def motions_of(contributions: Sequence[Contribution]) -> tuple[Ints, Floats]:
     """Return the DOFs (m,) that matrices act on, and a basis (m, k) of the forces that they exert."""
     dofs = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.dofs.ravel() for c in contributions)]))
     if len(dofs) > MOST_DOFS:
@@ -179,9 +176,7 @@ def motions_of(contributions: Sequence[Contribution]) -> tuple[NDArray[np.int64]
     return dofs, np.hstack([np.zeros((len(dofs), 0)), *columns])
 
 
-def _together(
-    forces: Sequence[tuple[NDArray[np.int64], Floats]],
-) -> tuple[NDArray[np.int64], Floats]:
+def _together(forces: Sequence[tuple[Ints, Floats]]) -> tuple[Ints, Floats]:
     """Return independent forces that span those of several effects, on the DOFs of all of them."""
     dofs = np.unique(np.concatenate([d for d, _ in forces]))
     columns = np.hstack([np.zeros((len(dofs), 0))])
@@ -213,8 +208,3 @@ def _strongest(A: Complexes) -> Complexes:
     if A.shape[3] <= MOST_SHAPES:
         return A
     return np.linalg.svd(A / np.maximum(size, 1e-300), full_matrices=False)[0][..., :MOST_SHAPES]
-
-
-def present(effect: Effect) -> dict[str, float]:
-    """Return an effect's values, of which none is infinite."""
-    return {k: v for k, v in parameter_values(effect).items() if np.isfinite(v)}

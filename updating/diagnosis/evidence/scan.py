@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Complexes, Floats
 from fem.model import parameter_values
 from fem.reduction.local_changes import LocalChanges
 from updating.diagnosis.evidence.places import Place, Reach
@@ -23,9 +23,6 @@ N_PAIRED = 8
 """Number of the best connections of which pairs are made."""
 LEVEL = 0.05
 """Misfit in parts of the receptances up to which nothing is gained [-]."""
-
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

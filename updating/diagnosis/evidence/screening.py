@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.model import Effect
 from updating.diagnosis.evidence.hypothesis import Start
 from updating.forecast.forecast import EffectEstimate
@@ -24,8 +24,6 @@ MOST_VALUES = 700
 OUTDONE, N_COARSE = 30.0, 6
 """Near the data a candidate is not looked at on its grid if it gains so much less than another one [nats]: as
 far as all is linear, or on so many of its points."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,8 +9,8 @@ from itertools import combinations, product
 from typing import Any, Generic
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fem.array_types import Floats
 from fem.declarations import Role
 from fem.model import Effect, covers
 from updating.correlation import DB_PER_NEPER
@@ -29,8 +29,8 @@ from updating.diagnosis.evidence.fits import (
 )
 from updating.diagnosis.evidence.halving import BEHIND_NATS, Candidate, Damped, HalvingTrial, halved
 from updating.diagnosis.evidence.hypothesis import (
-    Hypothesis,
     Odds,
+    ScoredFit,
     Start,
     Values,
     is_simpler,
@@ -111,7 +111,7 @@ def _at_share(grid: Sequence[dict[str, float]], share: float) -> dict[str, float
     return grid[int(share * (len(grid) - 1))]
 
 
-def _moved(one: Hypothesis, two: Hypothesis) -> bool:
+def _moved(one: ScoredFit, two: ScoredFit) -> bool:
     """Whether an effect's parameter is more than a deviation from where it is in another fit."""
     a, b = one.fitted, two.fitted
     names = one.key & two.key
@@ -141,8 +141,8 @@ class Maximum:
     log_evidence : float
     """
 
-    x: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    x: Floats
+    covariance: Floats
     log_evidence: float
 
     def distance(self, other: "Maximum") -> float:
@@ -155,19 +155,17 @@ class Maximum:
 
 def _shortly(
     shared: tuple[Fits[P], P, int], item: tuple[tuple[Effect, ...], Sequence[Start]]
-) -> list[Hypothesis]:
+) -> list[ScoredFit]:
     (fits, quick, steps), (effects, starts) = shared, item
     return fits.shortly(quick, effects, starts, steps)
 
 
-def _continued(shared: tuple[Fits[P], P, Hypothesis], item: list[Hypothesis]) -> Hypothesis:
+def _continued(shared: tuple[Fits[P], P, ScoredFit], item: list[ScoredFit]) -> ScoredFit:
     fits, quick, base = shared
     return fits.pruned(quick, fits.continued(quick, item), base)
 
 
-def _quickly(
-    shared: tuple[Fits[P], P, Hypothesis], item: tuple[Sequence[Effect], Values]
-) -> Hypothesis | None:
+def _quickly(shared: tuple[Fits[P], P, ScoredFit], item: tuple[Sequence[Effect], Values]) -> ScoredFit | None:
     (fits, quick, near), (effects, values) = shared, item
     try:
         return fits.quickly(quick, near, effects, values)
@@ -175,12 +173,12 @@ def _quickly(
         return None
 
 
-def _onward(shared: tuple[Fits[P], P], item: Hypothesis) -> Hypothesis:
+def _onward(shared: tuple[Fits[P], P], item: ScoredFit) -> ScoredFit:
     fits, quick = shared
     return fits.continued(quick, [item])
 
 
-def _ended(shared: tuple[Fits[P], P, Hypothesis], item: HalvingTrial) -> Hypothesis:
+def _ended(shared: tuple[Fits[P], P, ScoredFit], item: HalvingTrial) -> ScoredFit:
     (fits, problem, base), (effects, (start,)) = shared, item.candidate
     ended = fits.from_result(problem, start.near, effects, start.values, MOST_STEPS)
     return fits.pruned(problem, ended, base)
@@ -196,11 +194,11 @@ def _best_first(ways: Iterator[list[HalvingTrial]]) -> Iterator[list[HalvingTria
     yield behind
 
 
-def _again(fits: tuple[Fits], h: Hypothesis) -> Hypothesis:
+def _again(fits: tuple[Fits], h: ScoredFit) -> ScoredFit:
     return fits[0].again(h)
 
 
-def _fully(shared: tuple[Fits, bool], near: Hypothesis) -> Hypothesis:
+def _fully(shared: tuple[Fits, bool], near: ScoredFit) -> ScoredFit:
     fits, anew = shared
     return fits.fully(near.effects, values_of(near.effects), near, anew=anew)
 
@@ -228,13 +226,13 @@ class Search(Generic[P]):
         How much is tried.
     say : callable
         Is told each score, for those who work on the search.
-    seeds : tuple of Hypothesis
+    seeds : tuple of ScoredFit
         Of searches on the same data beside another model: where one of them explains the data here as well,
         the search goes on from it.
     rival_score : float
         Of the best hypothesis beside other models: the search ends where nothing that it may still find is as
         probable.
-    elsewhere : list of Hypothesis
+    elsewhere : list of ScoredFit
         Further maxima of those in ``known``: the same effects at other positions.
     promised : dict
         By the key of a hypothesis that was not fitted, what a look promises of it.
@@ -244,24 +242,24 @@ class Search(Generic[P]):
     form: InitVar[tuple[Nuisance, ...]]
     candidates: tuple[Effect, ...]
     tell: Say = _silent
-    known: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
+    known: dict[frozenset[str], ScoredFit] = field(default_factory=dict)
     scanned: tuple[Scanned, ...] = ()
     ranking: InitVar[Ranking] = Ranking()  # noqa: RUF009 - it holds nothing
     workers: Workers = ALONE
     beforehand: InitVar[float] = 0.0
     budget: Budget = NORMAL
     say: Say = _silent
-    seeds: tuple[Hypothesis, ...] = ()
+    seeds: tuple[ScoredFit, ...] = ()
 
     rival_score: float = -np.inf
     fits: Fits[P] = field(init=False)
     places: tuple[Place, ...] = field(init=False)
-    elsewhere: list[Hypothesis] = field(default_factory=list, init=False)
-    promised: dict[frozenset[str], Hypothesis] = field(default_factory=dict, init=False)
+    elsewhere: list[ScoredFit] = field(default_factory=list, init=False)
+    promised: dict[frozenset[str], ScoredFit] = field(default_factory=dict, init=False)
     _extended: set[frozenset[str]] = field(default_factory=set, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
     # Of the problem beside them: they are asked for with every probability.
-    _allowed: tuple[P, NDArray[np.float64]] | None = field(default=None, init=False)
+    _allowed: tuple[P, Floats] | None = field(default=None, init=False)
     # Of one fit by one problem: it is asked for from afar and from near.
     _last_scan: tuple[P, FitResult, tuple[Scanned, ...]] | None = field(default=None, init=False)
 
@@ -279,14 +277,14 @@ class Search(Generic[P]):
 
     # the search ---------------------------------------------------------------------------------------------
 
-    def run(self) -> Hypothesis:
+    def run(self) -> ScoredFit:
         """Return the most probable hypothesis; all that were fitted fully are in ``known``."""
         for _ in self.rounds():
             pass
         return self.best
 
     @property
-    def best(self) -> Hypothesis:
+    def best(self) -> ScoredFit:
         """The most probable hypothesis so far; of it and its simpler twins that with the fewest changes."""
         top = max(self.known.values(), key=lambda h: h.score)
         fewer = [h for h in self.known.values() if is_simpler(h, top) and not self.beats(top, h)]
@@ -294,7 +292,7 @@ class Search(Generic[P]):
             fewer, key=lambda h: (len(h.effects), sum(map(n_changes, h.effects)), -h.score), default=top
         )
 
-    def rounds(self) -> Iterator[Hypothesis]:
+    def rounds(self) -> Iterator[ScoredFit]:
         """Search with one effect more each time, and yield the most probable hypothesis so far."""
         best = self.full((), ())
         # The form of one that is far from the data is bent, and not searched on from.
@@ -360,7 +358,7 @@ class Search(Generic[P]):
         """Let what follows take no longer than it must."""
         self.workers, self.budget = ALONE, replace(self.budget, checked=False)
 
-    def _from_seeds(self, nothing: Hypothesis) -> Hypothesis:
+    def _from_seeds(self, nothing: ScoredFit) -> ScoredFit:
         """Return the best seed if it explains the data here, or a hypothesis without effects."""
         if not self.seeds:
             return nothing
@@ -372,11 +370,11 @@ class Search(Generic[P]):
             return nothing
         return self.with_enriched_basis(self.swapped(self.best))
 
-    def promises(self) -> list[Hypothesis]:
+    def promises(self) -> list[ScoredFit]:
         """Return what was not fitted, as probable as its forecast makes it."""
         return [p for key, p in self.promised.items() if key not in self.known]
 
-    def promise_rest(self, base: Hypothesis) -> None:
+    def promise_rest(self, base: ScoredFit) -> None:
         """Forecast every candidate that could be added to a hypothesis.
 
         The search has done it for those that it has tried to extend near the data.
@@ -385,12 +383,12 @@ class Search(Generic[P]):
             rest = self.compatible_with(base.effects)
             self._promise(base, self.fits.ranking.estimates(self.fits.free(base), base.fitted, rest))
 
-    def _promise(self, base: Hypothesis, estimates: Iterable[EffectEstimate]) -> None:
+    def _promise(self, base: ScoredFit, estimates: Iterable[EffectEstimate]) -> None:
         """Keep what hypotheses with one effect more are worth."""
         self._extended.add(base.key)
         for e in estimates:
             fitted = base.fitted.with_estimated(e.effect, e.values, e.std, e.log_evidence)
-            h = Hypothesis(fitted, self.fits.odds.prior((*base.effects, e.effect)))
+            h = ScoredFit(fitted, self.fits.odds.prior((*base.effects, e.effect)))
             self.promised.setdefault(h.key, h)
 
     def fit_promised(self) -> None:
@@ -401,19 +399,19 @@ class Search(Generic[P]):
             with suppress(np.linalg.LinAlgError):  # no structure: more mass taken away than there is
                 self.full(h.effects, values_of(h.effects), h)
 
-    def settled(self, h: Hypothesis) -> bool:
+    def settled(self, h: ScoredFit) -> bool:
         """Whether a hypothesis has found what was missing: otherwise its uncertain parameters may be bent."""
         return self.explains(h) and (bool(h.effects) or not self.fits.is_far(h))
 
-    def beats(self, h: Hypothesis, best: Hypothesis) -> bool:
+    def beats(self, h: ScoredFit, best: ScoredFit) -> bool:
         """Whether a hypothesis is more probable than another one; than a simpler one, by more than a twin."""
         return h.score > best.score + (TWIN_NATS if is_simpler(best, h) else 0.0)
 
-    def apart(self, h: Hypothesis, best: Hypothesis) -> bool:
+    def apart(self, h: ScoredFit, best: ScoredFit) -> bool:
         """Whether a hypothesis is nearly as probable as the best one, and at other places."""
         return h.score > best.score - BEAM_NATS and not h.places <= best.places
 
-    def extended(self, base: Hypothesis, visited: Set[frozenset[str]]) -> list[Hypothesis]:
+    def extended(self, base: ScoredFit, visited: Set[frozenset[str]]) -> list[ScoredFit]:
         """Return the best hypotheses that extend another one, simplified.
 
         Those that are simplified to one in ``visited`` stay as they are.
@@ -438,7 +436,7 @@ class Search(Generic[P]):
             self._keep_behind(fitted[0][0], tried)
         return [h if less.key in visited else less for h, less in fitted if h.key not in visited]
 
-    def tried_beside(self, base: Hypothesis, free: P, now: float, *, far: bool) -> list[Hypothesis]:
+    def tried_beside(self, base: ScoredFit, free: P, now: float, *, far: bool) -> list[ScoredFit]:
         """Return hypotheses that extend another one, fitted on few lines.
 
         From afar one way to the data is enough: near them looks tell what else would do.
@@ -456,13 +454,13 @@ class Search(Generic[P]):
             out += self.workers.map(_ended, (self.fits, free, base), trials)
         return out
 
-    def _keep_behind(self, best: Hypothesis, tried: Sequence[Hypothesis]) -> None:
+    def _keep_behind(self, best: ScoredFit, tried: Sequence[ScoredFit]) -> None:
         """Keep what was fitted on few lines alone, as far behind the best as there."""
         few = {h.key: h for h in tried}
         for key, h in few.items():
             self.known.setdefault(key, h.at_score(best.score + h.score - few[best.key].score))
 
-    def from_afar(self, base: Hypothesis, damped: Damped, looked: FitProblem) -> Iterator[list[HalvingTrial]]:
+    def from_afar(self, base: ScoredFit, damped: Damped, looked: FitProblem) -> Iterator[list[HalvingTrial]]:
         """Yield candidates that damped FRFs ask for: the most promising, other effects, all connections."""
         kept, now = values_of(base.effects), base.fitted
         order = [s.places[0].parent for s in self.scan(now) if len(s.places) == 1]
@@ -519,7 +517,7 @@ class Search(Generic[P]):
                 out[p.parent] = out.get(p.parent, ()) + springs
         return out
 
-    def from_near(self, base: Hypothesis, free: P, now: float, *, far: bool) -> list[Hypothesis]:
+    def from_near(self, base: ScoredFit, free: P, now: float, *, far: bool) -> list[ScoredFit]:
         """Return candidates that a look at small changes asks for, fitted on few lines.
 
         ``now`` is the score of the base on these lines. If it is taken for ``far`` from the data, short fits
@@ -540,7 +538,7 @@ class Search(Generic[P]):
         # them. With modes more deserve one beside what explains nothing.
         few = not far and (settled or self.fits.ranking.precise_looks)
         steps = QUICK_STEPS if few else SHORT_STEPS
-        short: list[tuple[list[Hypothesis], bool]] = []
+        short: list[tuple[list[ScoredFit], bool]] = []
         rest, more = [p for p in proposals if p.starts], 0.0
         while rest:
             n = sum(p.worth + more >= best - behind - now for p in rest[: self.budget.together])
@@ -574,7 +572,7 @@ class Search(Generic[P]):
         ]
         return self.workers.map(_continued, (self.fits, free, base), promising)
 
-    def simplified(self, h: Hypothesis) -> Hypothesis:
+    def simplified(self, h: ScoredFit) -> ScoredFit:
         """Return a hypothesis without the effects whose absence raises its score, one after the other.
 
         The last one, too, where it does nothing: the fit without effects has ended at a lesser maximum.
@@ -602,7 +600,7 @@ class Search(Generic[P]):
             self.say(f"   simpler: {h.score:.1f} {h.name}")
         return h
 
-    def swapped(self, h: Hypothesis) -> Hypothesis:
+    def swapped(self, h: ScoredFit) -> ScoredFit:
         """Return the best of a hypothesis and variants in which another effect replaces one of its effects.
 
         Of any kind and anywhere: what is soft at one connection can stand for another one. What it contains
@@ -645,7 +643,7 @@ class Search(Generic[P]):
                 self.simplified(twin)
         return max((k for k in self.known.values() if k.effects), key=lambda k: k.score)
 
-    def with_rivals_of_form(self, h: Hypothesis) -> Hypothesis:
+    def with_rivals_of_form(self, h: ScoredFit) -> ScoredFit:
         """Return the best of a hypothesis and those with an effect where its form is outside the usual range.
 
         The form and effects at its place are rivals. Each effect is looked at with that part of the form as
@@ -675,7 +673,7 @@ class Search(Generic[P]):
 
     # proposals ----------------------------------------------------------------------------------------------
 
-    def proposals(self, base: Hypothesis, quick: P, *, far: bool, settled: bool) -> list[NextHypotheses]:
+    def proposals(self, base: ScoredFit, quick: P, *, far: bool, settled: bool) -> list[NextHypotheses]:
         """Return effects that may be added to a hypothesis, ``settled`` where it explains the data."""
         current = base.fitted
         ranked: tuple[Scanned, ...] = ()
@@ -751,7 +749,7 @@ class Search(Generic[P]):
 
     def blocks(
         self,
-        base: Hypothesis,
+        base: ScoredFit,
         quick: P,
         now: FitResult,
         ranked: Sequence[Scanned],
@@ -797,7 +795,7 @@ class Search(Generic[P]):
         return list(out.values())
 
     def paying(
-        self, base: Hypothesis, each: tuple[Block, ...], ranked: RankedBlocks
+        self, base: ScoredFit, each: tuple[Block, ...], ranked: RankedBlocks
     ) -> tuple[tuple[Block, ...], bool]:
         """Return those effects of a block that pay for their prior odds, and whether they may win together.
 
@@ -832,8 +830,8 @@ class Search(Generic[P]):
     # fits ---------------------------------------------------------------------------------------------------
 
     def on_few_lines(
-        self, quick: P, h: Hypothesis, others: Sequence[tuple[Sequence[Effect], Values]]
-    ) -> tuple[Hypothesis, list[Hypothesis]]:
+        self, quick: P, h: ScoredFit, others: Sequence[tuple[Sequence[Effect], Values]]
+    ) -> tuple[ScoredFit, list[ScoredFit]]:
         """Return a hypothesis fitted on few lines and others fitted so from near it.
 
         Of the others those that have a structure.
@@ -846,10 +844,10 @@ class Search(Generic[P]):
         self,
         effects: Sequence[Effect],
         values: Values,
-        near: Hypothesis | None = None,
+        near: ScoredFit | None = None,
         *,
         anew: bool = False,
-    ) -> Hypothesis:
+    ) -> ScoredFit:
         """Return a hypothesis fitted on all lines with the form free, once from the same values.
 
         From others, and ``anew``, it is fitted again, and the better one stays.
@@ -859,7 +857,7 @@ class Search(Generic[P]):
             self._keep(self.fits.fully(effects, values, near))
         return self.known[key]
 
-    def all_full(self, many: Sequence[Hypothesis], *, anew: bool = False) -> list[Hypothesis]:
+    def all_full(self, many: Sequence[ScoredFit], *, anew: bool = False) -> list[ScoredFit]:
         """Return hypotheses that were fitted on few lines as :meth:`full` does.
 
         With ``anew`` also from nominal values of all but their effects.
@@ -872,24 +870,24 @@ class Search(Generic[P]):
             self._keep(fitted)
         return [self.known[h.key] for h in many]
 
-    def _deserves_fit(self, key: frozenset[str], near: Hypothesis | None, *, anew: bool = False) -> bool:
+    def _deserves_fit(self, key: frozenset[str], near: ScoredFit | None, *, anew: bool = False) -> bool:
         known = self.known.get(key)
         again = anew or (near is not None and known is not None and _moved(near, known))
         return (
             known is None or not self.is_full(known) or (again and self._n_fits[key] < self.budget.most_fits)
         )
 
-    def is_full(self, h: Hypothesis) -> bool:
+    def is_full(self, h: ScoredFit) -> bool:
         """Whether a known hypothesis was fitted on all lines."""
         return not h.effects or self._n_fits[h.key] > 0
 
-    def _keep(self, h: Hypothesis) -> None:
+    def _keep(self, h: ScoredFit) -> None:
         known = self.known.get(h.key)
         if known is None or not self.is_full(known) or h.score > known.score:
             self.known[h.key] = h
         self._n_fits[h.key] += 1
 
-    def with_enriched_basis(self, h: Hypothesis) -> Hypothesis:
+    def with_enriched_basis(self, h: ScoredFit) -> ScoredFit:
         """Return a hypothesis on a basis with its responses at some lines, where the search's is not good.
 
         Effects that act on a whole member, and a form that has moved far, converge slowly on modes without
@@ -911,7 +909,7 @@ class Search(Generic[P]):
             )
         return self.with_better_damping(h)
 
-    def with_better_damping(self, h: Hypothesis) -> Hypothesis:
+    def with_better_damping(self, h: ScoredFit) -> ScoredFit:
         """Return a hypothesis with the more probable form of damping between resonances.
 
         If it is not that of the search, the search continues with it, and so do those that are nearly as
@@ -932,7 +930,7 @@ class Search(Generic[P]):
         self.say(f"   the other form of damping gains {better.score - h.score:.1f}, for {1 + len(near)}")
         return better
 
-    def polished(self, h: Hypothesis) -> Hypothesis:
+    def polished(self, h: ScoredFit) -> ScoredFit:
         """Return a hypothesis at the best of the maxima around it, as uncertain as they are apart.
 
         They are looked for by quick fits; of these those that are nearly as probable are fitted fully.
@@ -967,18 +965,18 @@ class Search(Generic[P]):
             k: getattr(best, k)
             for k in ("log_evidence", "levels", "misfit", "size", "channels", "channels_std")
         }
-        self.known[h.key] = Hypothesis(replace(result, **evidence), h.prior)
+        self.known[h.key] = ScoredFit(replace(result, **evidence), h.prior)
         return self.known[h.key]
 
-    def explains(self, best: Hypothesis) -> bool:
+    def explains(self, best: ScoredFit) -> bool:
         """Whether a hypothesis is more probable than what the library does not have."""
         return self.unknown(best) < best.score
 
-    def unknown(self, best: Hypothesis) -> float:
+    def unknown(self, best: ScoredFit) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
         return best.score + self.short_of(best) - UNKNOWN_ODDS
 
-    def short_of(self, h: Hypothesis) -> float:
+    def short_of(self, h: ScoredFit) -> float:
         """Return by how much the log likelihood would rise if a hypothesis explained the data [nats]."""
         problem = self.fits.problem
         if self._allowed is None or self._allowed[0] is not problem:
