@@ -41,7 +41,8 @@ def test_a_drawn_form_is_usual(problem):
 
 
 def test_a_corner_is_unusual_beyond_its_prior(problem):
-    ref, limit = corner(problem, "u"), FAR_STD * FORM_CORNER["u"][1]
+    mean, std = FORM_CORNER["u"]
+    ref, limit = corner(problem, "u"), mean + FAR_STD * std
     assert departures(problem, at(problem, {ref: 0.98 * limit})) == []
     (found,) = departures(problem, at(problem, {ref: limit + 0.1}))
     assert (found.parameter, found.where) == ("u", problem.reduced.model.effect(ref[0]).where)

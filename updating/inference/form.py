@@ -66,7 +66,7 @@ def with_form(model: Model, model_error: float, measurement: Measurement | None 
 
 
 def _of_test(model: Model, measurement: Measurement) -> list[tuple[Effect, Usual]]:
-    """Return what the instruments add, with standard deviations [kg, N/m]."""
+    """Return what the instruments add, with means and standard deviations [kg, N/m]."""
     errors, tested = measurement.errors, model.with_instruments(instruments_on(model.mesh, measurement))
     stated = [s.mass for s in (*measurement.sensors, *measurement.other_sensors) if s.mass > 0]
     usual = STATED_MASS * sum(stated) / len(stated) if stated else errors.sensor_mass
@@ -75,15 +75,8 @@ def _of_test(model: Model, measurement: Measurement) -> list[tuple[Effect, Usual
         out.append((sensors, {"mass": (0.0, min(usual, LIGHT * sensors.reference))}))
     for driver in DriverForm.propose(tested) if errors.driver_mass + errors.stinger > 0 else ():
         m, k = driver.references
-        out.append(
-            (
-                driver,
-                {
-                    "mass": (0.0, min(errors.driver_mass, LIGHT * m)),
-                    "across": (0.0, min(errors.stinger, LIGHT * k)),
-                },
-            )
-        )
+        mass, across = min(errors.driver_mass, LIGHT * m), min(errors.stinger, LIGHT * k)
+        out.append((driver, {"mass": (0.0, mass), "across": (0.0, across)}))
     return out
 
 
