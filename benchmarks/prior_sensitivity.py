@@ -25,8 +25,7 @@ from updating.inference import belief, effect_priors
 FACTORS = 0.5, 2.0
 OF_THE_FORM = {
     "FORM_SECTION": ("section_form",),
-    "FORM_CORNER": ("zone_form",),
-    "FORM_JOINT": ("zone_form",),
+    "FORM_CORNER, FORM_JOINT": ("zone_form",),
     "FORM_CLAMP": ("clamp_form",),
 }
 """Constants that are standard deviations of the form's parameters, by kinds of effect."""

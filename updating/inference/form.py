@@ -52,12 +52,12 @@ def _usual(model: Model, form: Effect) -> Usual:
         return FORM_JOINT if form.around else FORM_CORNER
     member = form.members[0]
     section, stated = form.frame.members[member].section, model.tolerances_of(member)
-    known: dict[str, float] = {}
+    std = dict(FORM_SECTION)
     for tolerance in stated:
-        known |= constants_std(tolerance, section)
+        std |= constants_std(tolerance, section)
     for tolerance in stated:  # what is measured counts before what follows from sizes
-        known |= tolerance.shares
-    return FORM_SECTION | {key: (0.0, std) for key, std in known.items()}
+        std |= tolerance.shares
+    return {key: (0.0, value) for key, value in std.items()}
 
 
 def with_form(model: Model, model_error: float, measurement: Measurement | None = None) -> Model:
