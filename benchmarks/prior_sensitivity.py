@@ -23,7 +23,11 @@ from updating.diagnosis.evidence import Fits, ScoredFit, Searched, values_of
 from updating.inference import belief, effect_priors
 
 FACTORS = 0.5, 2.0
-OF_THE_FORM = {"FORM_SECTION": ("section_form",), "FORM_ZONE": ("zone_form", "clamp_form")}
+OF_THE_FORM = {
+    "FORM_SECTION": ("section_form",),
+    "FORM_CORNER, FORM_JOINT": ("zone_form",),
+    "FORM_CLAMP": ("clamp_form",),
+}
 """Constants that are standard deviations of the form's parameters, by kinds of effect."""
 MISSING = "MISSING"
 """Its factor is one of the odds: twice 0.5 would leave nothing open."""

@@ -43,7 +43,7 @@ from tests.studies import study_from
 from updating import EffectParameter, Fault, Finding, propose
 from updating.diagnosis import NOWHERE, Departure
 from updating.diagnosis.frf_modes import identified_in
-from updating.inference import FORM_SECTION, FORM_ZONE
+from updating.inference import FORM_CLAMP, FORM_CORNER, FORM_JOINT, FORM_SECTION
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 
@@ -604,7 +604,7 @@ def test_every_statement_has_fields_that_a_report_knows():
 
 
 def test_every_parameter_of_the_form_has_a_name():
-    assert (FORM_ZONE | FORM_SECTION).keys() <= FORM_WORDS.keys()
+    assert (FORM_CLAMP | FORM_CORNER | FORM_JOINT | FORM_SECTION).keys() <= FORM_WORDS.keys()
 
 
 def test_names_with_commas_are_whole_in_sentences():

@@ -14,7 +14,7 @@ from tests.updating.test_channel_errors import bent, described, measured
 from updating import Measurement, Sensor, computed_frf, diagnose
 from updating.diagnosis import departed
 from updating.diagnosis.departures import departures
-from updating.inference import FAR_STD, FORM_ZONE, formed_problem
+from updating.inference import FAR_STD, FORM_CORNER, formed_problem
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,8 @@ def test_a_drawn_form_is_usual(problem):
 
 
 def test_a_corner_is_unusual_beyond_its_prior(problem):
-    ref, limit = corner(problem, "u"), FAR_STD * FORM_ZONE["u"]
+    mean, std = FORM_CORNER["u"]
+    ref, limit = corner(problem, "u"), mean + FAR_STD * std
     assert departures(problem, at(problem, {ref: 0.98 * limit})) == []
     (found,) = departures(problem, at(problem, {ref: limit + 0.1}))
     assert (found.parameter, found.where) == ("u", problem.reduced.model.effect(ref[0]).where)

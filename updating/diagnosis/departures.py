@@ -27,7 +27,7 @@ class Departure:
     value, std : float
         A relative change, or the logarithm of a factor of stiffness [-]; of an instrument what it adds.
     prior_std : float
-        Of its prior about 0.
+        Of its prior.
     probability : float
         That it is outside the range: ``FAR_STD`` deviations of the prior, or less where that is odd [-].
     rivals : tuple of (tuple of Effect, float)
@@ -57,7 +57,7 @@ class Departure:
 
 def departures(problem: Problem[Any], result: FitResult) -> list[Departure]:
     """Return the parameters of the form outside their usual ranges, the farthest first."""
-    out = []
+    out = list[tuple[float, Departure]]()
     for u in problem.nuisance_unknowns:
         effect = problem.reduced.model.effect(u.ref[0])
         value = result.values.get(u.ref, u.nominal)
@@ -70,8 +70,9 @@ def departures(problem: Problem[Any], result: FitResult) -> list[Departure]:
         if abs(off) > limit:
             fitted = {r[1]: v for r, v in result.values.items() if r[0] == effect.name}
             p = float(scipy.special.ndtr((abs(off) - limit) / std)) if std > 0 else 1.0
-            out.append(Departure(effect.with_values(**fitted), u.ref[1], u.unit, off, std, prior, p))
-    return sorted(out, key=lambda d: -abs(d.value) / d.prior_std)
+            found = Departure(effect.with_values(**fitted), u.ref[1], u.unit, value, std, prior, p)
+            out.append((abs(off) / prior, found))
+    return [d for _, d in sorted(out, key=lambda pair: -pair[0])]
 
 
 def departed(

@@ -9,10 +9,12 @@ if TYPE_CHECKING:
     from updating.inference.belief import (
         EFFECT_ODDS,
         FAR_STD,
+        FORM_CLAMP,
+        FORM_CORNER,
         FORM_DAMPING,
+        FORM_JOINT,
         FORM_MODES,
         FORM_SECTION,
-        FORM_ZONE,
         LIGHT,
         MISSING,
         STATED_MASS,

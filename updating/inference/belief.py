@@ -11,9 +11,14 @@ DATA_PER_MODE = 4.0
 FORM_SECTION = {"A": 0.01, "Iy": 0.02, "Iz": 0.02, "J": 0.05, "shear": 0.5}
 """Standard deviations of mass, bending and torsional stiffness, and shear flexibility of members that are
 alike, relative [-]."""
-FORM_ZONE = {"u": 1.0, "plane": 0.4, "mass": 0.4, "inertia": 0.4}
-"""Of what lies inside of a connection: of the logarithm of its stiffness, of that of bending in its plane
-besides, of its mass, relative, and of its rotary inertia in parts of ∫ m s² ds along its members [-]."""
+FORM_CORNER = {"u": (0.1, 0.25), "plane": (0.12, 0.2), "mass": (-0.2, 0.22), "inertia": (0.8, 1.1)}
+"""Means and standard deviations of the inside of a corner: of the logarithm of its stiffness, of that of
+bending in its plane besides, of its mass, relative, and of its rotary inertia in parts of ∫ m s² ds along its
+members [-]. The means are half-way between centre lines and blocks of solids."""
+FORM_JOINT = {"u": (0.0, 1.0), "plane": (0.0, 0.4), "mass": (0.0, 0.4), "inertia": (0.0, 0.4)}
+"""The same of what lies inside of a joint [-]."""
+FORM_CLAMP = {"u": (-0.3, 0.5)}
+"""Of the logarithm of the stiffness at a clamped end [-]."""
 LIGHT = 0.05
 """Largest standard deviation of what an instrument of a test adds, in parts of a typical member's mass or
 bending stiffness [-]: instruments are chosen not to disturb."""

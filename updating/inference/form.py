@@ -12,12 +12,14 @@ from fem.effects.section_form import SectionForm
 from fem.effects.zone_form import ZoneForm
 from fem.model import Effect, Model
 from fem.sections.tolerance import constants_std
-from updating.inference.belief import FORM_SECTION, FORM_ZONE, LIGHT, STATED_MASS
+from updating.inference.belief import FORM_CLAMP, FORM_CORNER, FORM_JOINT, FORM_SECTION, LIGHT, STATED_MASS
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement, instruments_on
 
 FORMS = SectionForm, ZoneForm, ClampForm
 TEST_FORMS = SensorForm, DriverForm
+Usual = dict[str, tuple[float, float]]
+"""Mean and standard deviation of parameters by name [unit of the parameter]."""
 
 
 def form_of(
@@ -31,27 +33,31 @@ def form_of(
     each = [(e, _usual(model, e)) for kind in FORMS for e in kind.propose(model)]
     if measurement is not None:
         each += _of_test(model, measurement)
-    chosen = [(known.get(_place(e), e), std) for e, std in each]
+    chosen = [(known.get(_place(e), e), usual) for e, usual in each]
     varied = [
-        Nuisance(e.name, p.name, std[p.name], 0.0)
-        for e, std in chosen
+        Nuisance(e.name, p.name, std, mean)
+        for e, usual in chosen
         for p in e.parameters()
-        if std[p.name] > 0  # 0 means an exact description
+        for mean, std in [usual[p.name]]
+        if std > 0  # 0 means an exact description
     ]
     return tuple(e for e, _ in chosen if e not in known.values()), tuple(varied)
 
 
-def _usual(model: Model, form: Effect) -> dict[str, float]:
-    """Return how well a part of the form is known: a section as the model states, all else as usual."""
-    std = FORM_SECTION | FORM_ZONE
-    if isinstance(form, SectionForm):
-        member = form.members[0]
-        section, stated = form.frame.members[member].section, model.tolerances_of(member)
-        for tolerance in stated:
-            std |= constants_std(tolerance, section)
-        for tolerance in stated:  # what is measured counts before what follows from sizes
-            std |= tolerance.shares
-    return std
+def _usual(model: Model, form: Effect) -> Usual:
+    """Return what is known of a part of the form: a section as the model states, all else as usual."""
+    if isinstance(form, ClampForm):
+        return FORM_CLAMP
+    if not isinstance(form, SectionForm):
+        return FORM_JOINT if form.around else FORM_CORNER
+    member = form.members[0]
+    section, stated = form.frame.members[member].section, model.tolerances_of(member)
+    std = dict(FORM_SECTION)
+    for tolerance in stated:
+        std |= constants_std(tolerance, section)
+    for tolerance in stated:  # what is measured counts before what follows from sizes
+        std |= tolerance.shares
+    return {key: (0.0, value) for key, value in std.items()}
 
 
 def with_form(model: Model, model_error: float, measurement: Measurement | None = None) -> Model:
@@ -59,19 +65,18 @@ def with_form(model: Model, model_error: float, measurement: Measurement | None 
     return model.with_effect(*form_of(model, measurement)[0]) if model_error > 0 else model
 
 
-def _of_test(model: Model, measurement: Measurement) -> list[tuple[Effect, dict[str, float]]]:
-    """Return what the instruments add, with standard deviations [kg, N/m]."""
+def _of_test(model: Model, measurement: Measurement) -> list[tuple[Effect, Usual]]:
+    """Return what the instruments add, with means and standard deviations [kg, N/m]."""
     errors, tested = measurement.errors, model.with_instruments(instruments_on(model.mesh, measurement))
     stated = [s.mass for s in (*measurement.sensors, *measurement.other_sensors) if s.mass > 0]
     usual = STATED_MASS * sum(stated) / len(stated) if stated else errors.sensor_mass
-    out: list[tuple[Effect, dict[str, float]]] = []
+    out: list[tuple[Effect, Usual]] = []
     for sensors in SensorForm.propose(tested) if usual > 0 else ():
-        out.append((sensors, {"mass": min(usual, LIGHT * sensors.reference)}))
+        out.append((sensors, {"mass": (0.0, min(usual, LIGHT * sensors.reference))}))
     for driver in DriverForm.propose(tested) if errors.driver_mass + errors.stinger > 0 else ():
         m, k = driver.references
-        out.append(
-            (driver, {"mass": min(errors.driver_mass, LIGHT * m), "across": min(errors.stinger, LIGHT * k)})
-        )
+        mass, across = min(errors.driver_mass, LIGHT * m), min(errors.stinger, LIGHT * k)
+        out.append((driver, {"mass": (0.0, mass), "across": (0.0, across)}))
     return out
 
 

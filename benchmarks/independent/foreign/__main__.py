@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.independent.casefiles import NOISE, NOTHING, with_noise, write_files
-from benchmarks.independent.foreign.draw import draw, plans, which_are_real
+from benchmarks.independent.foreign.draw import SHARES, draw, plans, which_are_real
 from benchmarks.independent.foreign.generate import CODES, arguments, generate, name_of
 from benchmarks.independent.foreign.real import AS_DESCRIBED, draw_instruments, in_truth, with_stated_masses
 from benchmarks.independent.foreign.structure import nominal_of
@@ -56,11 +56,13 @@ def main(argv=None):
         choices=["described", "real"],
         help="real: the tests of half of the cases are not as described (default: %(default)s)",
     )
+    parser.add_argument("--sort", choices=SHARES, help="what every case hides; a mixture unless given")
     options = parser.parse_args(argv)
+    shares = {options.sort: 1.0} if options.sort else SHARES
     real = which_are_real([options.seed, REAL], options.cases) if options.test == "real" else {}
     generate(
         options,
-        plans(options.seed, options.cases, options.structures),
+        plans(options.seed, options.cases, options.structures, shares),
         lambda bench, plan: write(options.out, bench, plan, options.seed, real.get(plan.number)),
     )
 
