@@ -330,21 +330,6 @@ class Effect(ABC):
         """
         return ()
 
-    def steps_by_others(
-        self, model: "Model", stepped: "Mapping[ParameterRef, Model]"
-    ) -> "list[tuple[Contribution, ...]]":
-        """Return its contributions in models that differ by a complex step of a parameter of another effect.
-
-        Only their imaginary parts count.
-
-        Parameters
-        ----------
-        model : Model
-            Without a step.
-        stepped : mapping of (effect, parameter) to Model
-        """
-        return [tuple(self.contribute(there)) for there in stepped.values()]
-
     def constraints(self, model: "Model") -> tuple[Constraint, ...]:
         """Return the linear constraints that it imposes."""
         return ()
@@ -432,6 +417,27 @@ class Effect(ABC):
     def doubts(self, structure: Yardstick) -> Iterator[tuple[str, str]]:
         """Yield parameters or fields whose values are implausible, each with a sentence that says why."""
         yield from ()
+
+
+class FollowsOthers(Effect):
+    """An effect whose derivatives by other effects' parameters cost less than its matrices."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def steps_by_others(
+        self, model: "Model", stepped: "Mapping[ParameterRef, Model]"
+    ) -> "list[tuple[Contribution, ...]]":
+        """Return its contributions in models that differ by a complex step of a parameter of another effect.
+
+        Only their imaginary parts count.
+
+        Parameters
+        ----------
+        model : Model
+            Without a step.
+        stepped : mapping of (effect, parameter) to Model
+        """
 
 
 def parameter_values(effect: Effect) -> dict[str, float]:

@@ -14,7 +14,16 @@ from fem.effects.section_shear import SectionShear
 from fem.elements.cut import Cut, cut
 from fem.elements.frame import Frame
 from fem.elements.inner_place import InnerPlace, inner_place
-from fem.model import DIRECTIONS, Contribution, Effect, Model, ParameterRef, dofs_of, parameter_values
+from fem.model import (
+    DIRECTIONS,
+    Contribution,
+    Effect,
+    FollowsOthers,
+    Model,
+    ParameterRef,
+    dofs_of,
+    parameter_values,
+)
 from fem.recent import Unsent
 
 _CHANGES = 64
@@ -22,7 +31,7 @@ _CHANGES = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class GivesWay(OnMember):
+class GivesWay(OnMember, FollowsOthers):
     """A flexibility c at one place of a member, in one direction.
 
     Its element is that of the frame with all that other effects of the model change of it, K: stiffnesses of

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fem.analysis.basis import Basis, reduced_basis, without_modes
 from fem.array_types import Floats, Ints
-from fem.model import Contribution, Effect, Model, ParameterRef, parameter_values
+from fem.model import Contribution, Effect, FollowsOthers, Model, ParameterRef, parameter_values
 from fem.recent import Recent, Unsent
 from fem.reduction.scaling import scaling_exponents
 from fem.reduction.sums import Sums
@@ -507,7 +507,10 @@ class ReducedModel:
         self, effect: Effect, model: Model, stepped: Mapping[ParameterRef, Model]
     ) -> list[ReducedTerm]:
         """Project derivatives by parameters of others, each with a complex step in a model."""
-        steps = effect.steps_by_others(model, stepped)
+        if isinstance(effect, FollowsOthers):
+            steps = effect.steps_by_others(model, stepped)
+        else:
+            steps = [tuple(effect.contribute(there)) for there in stepped.values()]
         return [self._of(effect, model.resisted(each), True) for each in steps]
 
     def with_values(self, model: Model, values: Mapping[ParameterRef, float]) -> Model:
