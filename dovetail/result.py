@@ -197,7 +197,7 @@ class RunResult(Generic[V]):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader should know."""
-        return self.diagnosis.notes
+        return notes_of(self.diagnosis)
 
     @property
     def report(self) -> Path:
@@ -350,6 +350,11 @@ def _damping(curve: DampingCurve, unknowns: NDArray[np.float64]) -> dict[str, An
     members, *connections = np.atleast_2d(curve.ratio(curve.knots, unknowns))
     connected = {"connections_ratio": connections[0]} if connections else {}
     return {"frequency_Hz": curve.knots, "ratio": members, **connected}
+
+
+def notes_of(d: Verdict) -> tuple[str, ...]:
+    """Return what a reader of a diagnosis should know, channels first that were not compared."""
+    return (*(d.problem.data.uncompared if by_frfs(d) else ()), *d.notes)
 
 
 def by_any(d: Verdict) -> bool:
