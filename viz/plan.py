@@ -35,11 +35,12 @@ def drawn_kinds(plan: Plan) -> tuple[str, ...]:
 
     Where a test says the same of nearly all effects of a row, the table says as much as a picture.
     """
-    odd = {
-        name: len(some) - max(Counter(o.shown for o in some).values()) for name, some in plan.kinds.items()
-    }
+    if len(plan.kinds) <= MOST_PANELS:
+        return tuple(plan.kinds)
+    most = {name: max(Counter(o.shown for o in some).values()) for name, some in plan.kinds.items()}
+    odd = {name: len(some) - most[name] for name, some in plan.kinds.items()}
     first = sorted(odd, key=lambda name: -odd[name])[:MOST_PANELS]
-    return tuple(name for name in plan.kinds if name in first)
+    return tuple(name for name in plan.kinds if name in first and odd[name]) or (first[0],)
 
 
 def render_plan(plan: Plan, path: str | Path, title: str = "") -> Path:
