@@ -193,6 +193,22 @@ def equal_fit_text(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> st
     return f"these data are fitted as well by {'; '.join(texts)}{more}: the prior decides, not the data"
 
 
+def no_rival_text(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> str:
+    """Return what was fitted in place of a finding that has no rival, in a sentence."""
+    without = (
+        x for x in d.explanations if x.known and finding.effect.name not in {e.name for e in x.effects}
+    )
+    other = max((x for x in without if x.effects), key=lambda x: x.probability, default=None)
+    if other is not None:
+        return (
+            f"The most probable explanation without it that was fitted is {other.label}: probability "
+            f"{percent(other.probability)}."
+        )
+    if len(ranked) > 1:
+        return "Each other candidate that was fitted in its place contains it."
+    return "No other candidate was promising enough to be fitted to all lines."
+
+
 def extension_text(finding: Finding, twin: Ranked) -> str:
     """Return which candidate does the same as a found effect and more, with its further parameters."""
     known = {p.name for p in finding.parameters}
