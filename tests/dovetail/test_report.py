@@ -630,6 +630,8 @@ def test_a_place_is_said_by_node_coordinates_and_global_axis(tmp_path):
     said = words.spot_text(release, study.model)
     assert said.startswith(f"at {name}, (")
     assert re.search(r"\(0, 0, 0\.5\) m, about global [xyz]$", said), said
+    foot = next(iter(study.candidates("support_flexibility")))
+    assert re.match(r"at foot, end 1 of member post, \(0, 0, 0\) m", words.spot_text(foot, study.model))
     inside = next(e for e in study.candidates("point_mass") if e.member == "arm").with_values(position=0.1)
     assert re.fullmatch(r"at \([\d., −]+\) m", words.spot_text(inside, study.model))
 
