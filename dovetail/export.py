@@ -31,7 +31,7 @@ from fem.io.frame_of_model import ModelDeck, deck_of, with_places
 from fem.io.nastran_changes import nastran_changes
 from fem.io.nastran_write import nastran_text
 from fem.io.source_changes import DeckEdit
-from fem.lengths import shown_length
+from fem.lengths import rough_length
 from fem.model import Model, ParameterRef
 from fem.system import assemble
 from updating.diagnosis.evidence.places import place_of
@@ -225,8 +225,8 @@ def exported(
     found = {name: text for name, text in found.items() if name not in out}
     model = model.with_values({ref: s for ref, s in placed.items() if ref[0] not in out})
     notes = [
-        f"{ref[0]}: at the nearest node, {_apart(study.model, ref, s)} away, within the standard deviation "
-        "of its position"
+        f"{ref[0]}: at the nearest node, {rough_length(abs(s - study.model.values()[ref]))} away, within the "
+        "standard deviation of its position"
         for ref, s in placed.items()
     ]
     notes += [
@@ -262,11 +262,6 @@ def _at_nodes(
             if same and 0 < abs(s - p.value) <= std[name, p.name]:
                 out[name, p.name] = s
     return out
-
-
-def _apart(model: Model, ref: ParameterRef, position: float) -> str:
-    value, unit = shown_length(abs(position - model.values()[ref]))
-    return f"{value:.2g} {unit}"
 
 
 def _lines(found: Mapping[str, str]) -> list[str]:

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.file.channel_errors import channel_error_values
+from dovetail.file.channel_errors import TABLE, channel_error_values
 from dovetail.file.config import StudyContents
 from dovetail.file.effects import written_values
 from dovetail.file.estimates import FittedEstimate, estimate_key, merged, with_estimates
 from dovetail.file.faults import fault_table
 from dovetail.file.paths import with_paths
-from dovetail.file.toml import toml_comment, with_values
+from dovetail.file.toml import toml_comment, with_comments, with_values
 from dovetail.file.writing import (
     rebased_values,
     with_damping,
@@ -29,6 +29,7 @@ from dovetail.result import (
     UncertainValue,
     by_frfs,
     by_modes_alone,
+    form_words,
     uncertain_parameters,
     uncertain_values,
 )
@@ -133,7 +134,9 @@ def with_test(text: str, measurement: Measurement) -> str:
     values: dict[Any, Any] = channel_error_values(measurement)
     if tomllib.loads(text)["measurements"][0].get("viscous", False) != measurement.viscous:
         values["measurements", 0, "viscous"] = measurement.viscous
-    return with_values(text, values)
+    words = "gain [-], turned towards two axes across [rad], shifted along them [m]"
+    errors = dict.fromkeys((path for path in values if path[0] == TABLE), words)
+    return with_comments(with_values(text, values), errors)
 
 
 def mode_found_text(study: StudyContents, d: ModeDiagnosis, folder: Path) -> str:
@@ -201,7 +204,7 @@ def estimates_of(
     outside = {(d.effect.name, d.parameter) for d in departed}
     out = {
         estimate_key(*refs[u.name]): FittedEstimate(
-            u.std or np.nan, u.nominal, refs[u.name] in outside, u.unit
+            u.std or np.nan, np.nan if u.form_of else u.nominal, refs[u.name] in outside, u.unit
         )
         for u in uncertain
         if u.name in refs and np.isfinite(u.fitted)
@@ -261,7 +264,23 @@ def text_with_model(
         text = with_damping(text, *damping)
     text = with_effects(with_effects(text, effects), changes, since_baseline=True)
     text = "\n\n".join(part.strip("\n") for part in (text, *map(fault_table, faults)))
+    text = with_units(text, (*study.model.effects, *effects, *changes))
     return with_estimates(text, merged(study.estimates, estimates or {}))
+
+
+def with_units(text: str, effects: Iterable[Effect]) -> str:
+    """Return a study's text with the units of values of effects, and the meanings of those of the form."""
+    tree, comments = tomllib.loads(text), {}
+    named = {e.name.removeprefix("known "): e for e in effects}
+    tables = [(("effects", i), t.get("candidate", "")) for i, t in enumerate(tree.get("effects", []))]
+    tables += [(("values", name), name) for name in tree.get("values", {})]
+    for path, name in tables:
+        for p in named[name].parameters() if name in named else ():
+            comments[(*path, p.name)] = p.unit
+    for name in tree.get("fitted_form", {}):
+        if name in named:
+            comments["fitted_form", name] = form_words(named[name].parameters())
+    return with_comments(text, {path: unit for path, unit in comments.items() if unit not in ("", "-")})
 
 
 def values_in(study: StudyContents, model: Model) -> dict[ParameterRef, float]:

@@ -1,6 +1,6 @@
 """The result of a run: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from importlib import metadata
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.distribution import DISTRIBUTION
 from dovetail.file.contents import StudyContents
-from fem.model import Effect, Model
+from fem.model import Effect, Model, Parameter
 from fem.summary import summary
 from updating.correlation import DB_PER_NEPER, Comparison
 from updating.diagnosis.departures import Departure
@@ -140,6 +140,17 @@ def uncertain_words(name: str, unit: str, form_of: str) -> str:
     return f"{_QUANTITIES.get(key, key) if of else key} of {of or effect}"
 
 
+def form_words(parameters: Iterable[Parameter]) -> str:
+    """Return what the parameters of a form are, with units: ``relative changes: A (mass per length), Iy``."""
+    groups: dict[str, list[str]] = {}
+    for p in parameters:
+        logarithm = "logarithms of factors" if p.name in LOGARITHMS else "relative changes"
+        words = (_FORM if p.unit == "-" else ADDED).get(p.name, p.name)
+        named = p.name if words == p.name else f"{p.name} ({words})"
+        groups.setdefault(logarithm if p.unit == "-" else f"added [{p.unit}]", []).append(named)
+    return "; ".join(f"{what}: {', '.join(names)}" for what, names in groups.items())
+
+
 V = TypeVar("V", bound=Verdict, covariant=True)
 
 
@@ -197,7 +208,7 @@ class RunResult(Generic[V]):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader should know."""
-        return self.diagnosis.notes
+        return notes_of(self.diagnosis)
 
     @property
     def report(self) -> Path:
@@ -350,6 +361,11 @@ def _damping(curve: DampingCurve, unknowns: NDArray[np.float64]) -> dict[str, An
     members, *connections = np.atleast_2d(curve.ratio(curve.knots, unknowns))
     connected = {"connections_ratio": connections[0]} if connections else {}
     return {"frequency_Hz": curve.knots, "ratio": members, **connected}
+
+
+def notes_of(d: Verdict) -> tuple[str, ...]:
+    """Return what a reader of a diagnosis should know, channels first that were not compared."""
+    return (*(d.problem.data.uncompared if by_frfs(d) else ()), *d.notes)
 
 
 def by_any(d: Verdict) -> bool:

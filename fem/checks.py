@@ -18,6 +18,7 @@ from fem.analysis.modes import MechanismError, solve_modes
 from fem.array_types import Bools, Floats, Ints
 from fem.elements.frame import Frame
 from fem.io.rawmesh import coincidences
+from fem.lengths import coordinates_text, rough_length
 from fem.mesh import Mesh, merge_advice, merge_names
 from fem.model import Model, ModelError
 from fem.plausibility import suspicions
@@ -187,8 +188,8 @@ def _loose(mesh: Mesh, part: Ints, ties: Pairs) -> Iterable[Defect]:
         yield Defect(
             "loose part",
             f"{_lines(mesh, rows)} {'is' if rows.size == 1 else 'are'} connected to nothing else; the "
-            f"nearest points are {a} and {b}, {gap.min():.3g} m apart; add a joint, or points that "
-            "the members share",
+            f"nearest points are {a} and {b}, {rough_length(gap.min(), 3)} apart; add a joint, or points "
+            "that the members share",
             in_part,
             rows,
         )
@@ -212,7 +213,7 @@ def _near_points(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
     gap = np.linalg.norm(mesh.points[pairs[:, 0]] - mesh.points[pairs[:, 1]], axis=1)
     for (a, b), d in sorted(zip(pairs.tolist(), gap.tolist(), strict=True)):
         same = d <= 1e-9 * mesh.size
-        what = "lie at the same place" if same else f"are {d:.2g} m apart"
+        what = "lie at the same place" if same else f"are {rough_length(d)} apart"
         yield Defect(
             "coincident points" if same else "unconnected points",
             f"points {a} ({_members_at(mesh, a)}) and {b} ({_members_at(mesh, b)}) {what} and are not "
@@ -232,12 +233,12 @@ def _near_lines(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
     hit = (gap <= near) & (xi > margin) & (xi < 1 - margin) & np.isin(p, mesh.lines)
     hit &= ~tied.any(p, mesh.lines[row, 0]) & ~tied.any(p, mesh.lines[row, 1])
     for k in np.flatnonzero(hit):
-        what = "on it" if gap[k] <= 1e-9 * mesh.size else f"{gap[k]:.2g} m beside it"
+        what = "on it" if gap[k] <= 1e-9 * mesh.size else f"{rough_length(gap[k])} beside it"
         yield Defect(
             "unconnected crossing",
             f"point {p[k]} ({_members_at(mesh, int(p[k]))}) is not connected to line {row[k]} of member "
-            f"'{mesh.member_of_line()[row[k]]}', and lies {what} at {_at(mesh.points[p[k]])}; divide the "
-            "line there, or add a joint",
+            f"'{mesh.member_of_line()[row[k]]}', and lies {what} at "
+            f"{coordinates_text(mesh.points[p[k]])}; divide the line there, or add a joint",
             np.array([p[k]]),
             np.array([row[k]]),
         )
@@ -284,11 +285,11 @@ def _crossings(mesh: Mesh, near: float, tied: _Linked) -> Iterable[Defect]:
     names = mesh.member_of_line()
     for k in np.flatnonzero(inside):
         where = p[k] + s[k] * u[k]
-        gap_text = "" if gap[k] <= 1e-9 * mesh.size else f", {gap[k]:.2g} m apart"
+        gap_text = "" if gap[k] <= 1e-9 * mesh.size else f", {rough_length(gap[k])} apart"
         yield Defect(
             "unconnected crossing",
             f"line {first[k]} of member '{names[first[k]]}' and line {second[k]} of member "
-            f"'{names[second[k]]}' cross at {_at(where)}{gap_text}, and are not connected; "
+            f"'{names[second[k]]}' cross at {coordinates_text(where)}{gap_text}, and are not connected; "
             "divide both there, or add a joint",
             np.zeros(0, dtype=np.int64),
             np.array([first[k], second[k]]),
@@ -317,9 +318,9 @@ def _short(mesh: Mesh, length: Floats) -> Iterable[Defect]:
     for row in np.flatnonzero(length < SHORT * neighbour):
         yield Defect(
             "short line",
-            f"line {row} of member '{mesh.member_of_line()[row]}' is {length[row]:.2g} m long next to one "
-            f"of {neighbour[row]:.2g} m; is this intended, or should points {mesh.lines[row, 0]} and "
-            f"{mesh.lines[row, 1]} be one point?",
+            f"line {row} of member '{mesh.member_of_line()[row]}' is {rough_length(length[row])} long next "
+            f"to one of {rough_length(neighbour[row])}; is this intended, or should points "
+            f"{mesh.lines[row, 0]} and {mesh.lines[row, 1]} be one point?",
             mesh.lines[row].copy(),
             np.array([row]),
         )
@@ -413,7 +414,3 @@ def _lines(mesh: Mesh, rows: Ints) -> str:
 def _points(points: Ints) -> str:
     shown = ", ".join(str(p) for p in points[:6]) + (", …" if points.size > 6 else "")
     return f"point {shown}" if points.size == 1 else f"{points.size} points ({shown})"
-
-
-def _at(place: Floats) -> str:
-    return f"({', '.join(f'{v:.4g}' for v in place)}) m"

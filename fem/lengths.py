@@ -53,6 +53,12 @@ def length_text(value: float) -> str:
     return f"{number:.{decimals}f} {unit}"
 
 
+def rough_length(value: float, digits: int = 2) -> str:
+    """Return a length [m] to some significant digits, such as ``0.4 mm``."""
+    number, unit = shown_length(value)
+    return f"{number:.{digits}g} {unit}"
+
+
 def coordinates_text(xyz: Iterable[float]) -> str:
     """Return coordinates [m] in words, such as ``(0.45, 0, 0.8) m``."""
     shown = [shown_length(round(float(x), 6)) for x in xyz]

@@ -27,8 +27,27 @@ COLOURS: dict[str, str] = dict(
 """Of marks, by what a test says of an effect."""
 
 
+MOST_PANELS = 6
+"""Rows of a plan's table that are drawn: three rows of panels are as high as a sheet."""
+
+
+def drawn_kinds(plan: Plan) -> tuple[str, ...]:
+    """Return the kinds of a plan that are drawn, in its order: those whose effects differ most.
+
+    Where a test says the same of nearly all effects of a row, the table says as much as a picture.
+    """
+    if len(plan.kinds) <= MOST_PANELS:
+        return tuple(plan.kinds)
+    most = {name: max(Counter(o.shown for o in some).values()) for name, some in plan.kinds.items()}
+    odd = {name: len(some) - most[name] for name, some in plan.kinds.items()}
+    first = sorted(odd, key=lambda name: -odd[name])[:MOST_PANELS]
+    return tuple(name for name in plan.kinds if name in first and odd[name]) or (first[0],)
+
+
 def render_plan(plan: Plan, path: str | Path, title: str = "") -> Path:
-    """Draw what a test says of each effect of a relevant size: a panel for each row of its table.
+    """Draw what a test says of each effect of a relevant size: a panel for each of some rows of its table.
+
+    The rows are those of :func:`drawn_kinds`.
 
     Effects at one place of which it says unlike things, such as the directions of a joint, have marks beside
     each other.
@@ -52,8 +71,8 @@ def render_plan(plan: Plan, path: str | Path, title: str = "") -> Path:
     path, surface = Path(path), model_surface(plan.model)
     with TemporaryDirectory() as folder:
         each = [
-            _draw(plan, surface, some, Path(folder) / f"{k}.png", f"{title}: {name}" if title else name)
-            for k, (name, some) in enumerate(plan.kinds.items())
+            _draw(plan, surface, plan.kinds[name], Path(folder) / f"{k}.png", f"{title}: {name}".strip(" :"))
+            for k, name in enumerate(drawn_kinds(plan))
         ]
         pictures = [np.asarray(Image.open(p).convert("RGB")) for p in each]
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -29,13 +29,15 @@ def ranking(
     xlabel: str = "error with the candidate [dB]",
     at_most: int = 20,
 ) -> Chart:
-    """Describe the error that each candidate leaves as bars, the best on top; a bar's length is its gain.
+    """Describe the error that each candidate leaves as bars in the given order; a bar's length is its gain.
 
-    The axis begins at 0, so that a small gain looks small.
+    The first is on top. Errors alone do not rank: what contains a candidate always leaves less. The axis
+    begins at 0, so that a small gain looks small.
 
     Parameters
     ----------
     labels : sequence of str
+        The most probable first.
     levels_db : array_like (n,)
         Error with each of them [dB].
     baseline_db : float
@@ -62,8 +64,7 @@ def ranking(
     if not len(labels) == len(names) == levels.size:
         msg = f"{len(labels)} labels and {len(names)} names are given for {levels.size} errors"
         raise ValueError(msg)
-    order = np.argsort(levels, kind="stable").tolist()
-    hidden, order = max(len(order) - at_most, 0), order[:at_most]
+    hidden, order = max(len(levels) - at_most, 0), list(range(len(levels)))[:at_most]
     ends = [*levels[order].tolist(), baseline_db, 0.0, *([] if floor_db is None else [floor_db])]
     pad = 0.08 * max(max(ends) - min(ends), 1e-3)
     low, high = min(ends) - pad, max(ends) + pad
@@ -89,7 +90,7 @@ def ranking(
         if some
     ]
     marks.append(Rule(value=baseline_db, text=f"without: {number(baseline_db, 2)} dB"))
-    more = f"; {hidden} worse ones are not shown" if hidden else ""
+    more = f"; {hidden} further ones are not shown" if hidden else ""
     words = [broken(shorten(str(labels[k]), 96), 50) for k in order]
     tallest = max((text.count("\n") for text in words), default=0)
     size = style.WIDTH, 1.25 + (0.3 + 0.06 * tallest) * len(order)

@@ -105,7 +105,7 @@ def run(options: Options, progress: Progress) -> Answer:
             *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
             *(f"corrected: {words.fault_text(f)}" for f in faults),
             *suspected,
-            *noted(study.measured_notes),
+            *noted(problem.data.uncompared, study.measured_notes),
         ],
         {
             "model": what,
@@ -117,6 +117,7 @@ def run(options: Options, progress: Progress) -> Answer:
             "added": [result.effect_dict(e, study.fitted) for e in study.added],
             "faults": [result.fault_dict(f) for f in faults],
             "suspected_labels": suspected,
+            "uncompared": problem.data.uncompared,
         },
         NULLS,
     )

@@ -43,13 +43,14 @@ def run(options: Options, progress: Progress) -> Answer:
         modes = pipeline.measured_modes(found)
         candidates = rounds.lines(found, options.number)
         fields |= result.modes_dict(modes)
+    notes = result.notes_of(found)
     lines = [f"{study.name}: {found.verdict}; {found.reason}", *diagnosis_lines(found, modes)]
     for heading, table in planning.tables_of_excluded(beyond) if beyond else ():
         lines += ["", heading, table]
     return Answer(
         study,
-        [*lines, *candidates, *noted(found.notes, study.measured_notes)],
-        {**fields, "notes": list(found.notes), "seconds": found.seconds},
+        [*lines, *candidates, *noted(notes, study.measured_notes)],
+        {**fields, "notes": list(notes), "seconds": found.seconds},
         sheets=[rounds.table(ranked, k) for k, ranked in enumerate(found.rounds) if ranked],
         finished=found.verdict != UNFINISHED,
     )

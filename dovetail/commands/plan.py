@@ -98,14 +98,15 @@ def run(options: Options, progress: Progress) -> Answer:
     study, chosen = with_chosen(study, *test, options.noise, options.left, progress)
     plan = plan_study(study, options.noise, options.left, progress)
     apart = separate_twins(study, plan, options.mass, progress) if options.separate else []
-    quieter = None
+    quieter, drawn = None, tuple(plan.kinds)
     if options.averages:
         quieter = with_averages(plan, options.averages[0], options.averages[1], progress)
     if options.picture is not None:
-        from viz.plan import render_plan
+        from viz.plan import drawn_kinds, render_plan
 
         progress("drawing", 0.99)
         render_plan(plan, options.picture, study.name)
+        drawn = drawn_kinds(plan)
     kinds = planning.table_of_kinds(planning.kind_rows(plan))
     fields, printed = planning.plan_dict(plan), planning.chosen_lines(chosen) if chosen else []
     printed += [f"{study.name}: {planning.title(plan)}", *planning.missing_first(plan, study.path)]
@@ -119,6 +120,9 @@ def run(options: Options, progress: Progress) -> Answer:
         printed += ["", "--add 1 says where one more sensor would name most"]
     if chosen:
         fields["chosen"] = planning.chosen_dict(chosen)
+    if len(drawn) < len(plan.kinds):
+        which = f"{len(drawn)} of {len(plan.kinds)} rows, those whose effects differ most: {', '.join(drawn)}"
+        printed += ["", f"{options.picture} shows {which}; --json writes all effects"]
     if quieter:
         fields["more_averages"] = planning.averages_dict(quieter, *options.averages)
         printed += ["", planning.averages_line(plan, quieter, *options.averages)]

@@ -133,6 +133,17 @@ def with_values(text: str, changes: Mapping[Path, Any]) -> str:
     return text.rstrip("\n") + "\n" + end if end else text
 
 
+def with_comments(text: str, comments: Mapping[Path, str]) -> str:
+    """Return a TOML text with comments behind pairs that end their line and have none."""
+    places = places_of(text)
+    ends = {places.pairs[path][1]: comment for path, comment in comments.items() if path in places.pairs}
+    for at, comment in sorted(ends.items(), reverse=True):
+        line_end = text.find("\n", at) if "\n" in text[at:] else len(text)
+        if not text[at:line_end].strip():
+            text = f"{text[:at]}  {toml_comment(comment)}{text[at:]}"
+    return text
+
+
 def without(text: str, *paths: Path) -> str:
     """Return a TOML text in which some keys, and tables of their own, have become comments.
 

@@ -6,10 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, axis_text, by_frfs
 from fem.declarations import Site
 from fem.lengths import coordinates_text, shown_length
+from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Effect, Model, Parameter, inverse, reciprocal_form
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
@@ -193,6 +195,22 @@ def equal_fit_text(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> st
     return f"these data are fitted as well by {'; '.join(texts)}{more}: the prior decides, not the data"
 
 
+def no_rival_text(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> str:
+    """Return what was fitted in place of a finding that has no rival, in a sentence."""
+    without = (
+        x for x in d.explanations if x.known and finding.effect.name not in {e.name for e in x.effects}
+    )
+    other = max((x for x in without if x.effects), key=lambda x: x.probability, default=None)
+    if other is not None:
+        return (
+            f"The most probable explanation without it that was fitted is {other.label}: probability "
+            f"{percent(other.probability)}."
+        )
+    if len(ranked) > 1:
+        return "Each other candidate that was fitted in its place contains it."
+    return "No other candidate was promising enough to be fitted to all lines."
+
+
 def extension_text(finding: Finding, twin: Ranked) -> str:
     """Return which candidate does the same as a found effect and more, with its further parameters."""
     known = {p.name for p in finding.parameters}
@@ -208,9 +226,9 @@ def finding_text(finding: Finding) -> str:
 
 
 def spot_text(effect: Effect, model: Model) -> str:
-    """Return node, coordinates and global axis of an effect at one place; empty of one at several or none.
+    """Return node, members, coordinates and axis of an effect at one place; empty of one at several or none.
 
-    Such as ``at node 6, (1.2, 0.35, 0) m, about global x``.
+    Such as ``at node 6, end 1 of member leg, (1.2, 0.35, 0) m, about global x``.
     """
     from fem.effects.giving_way import turning_axis  # what needs no report loads no kinds of effects
 
@@ -220,11 +238,23 @@ def spot_text(effect: Effect, model: Model) -> str:
     (place,) = points
     near = {n: float(np.linalg.norm(mesh.points[k] - place)) for n, k in mesh.point_names.items()}
     name = min(near, key=near.__getitem__, default="")
-    named = name and near[name] <= 1e-6 * float(np.ptp(mesh.points, axis=0).max())
-    at = coordinates_text(place)
-    text = f"at {name}, {at}" if named else f"at {at}"
+    reach = 1e-6 * float(np.ptp(mesh.points, axis=0).max())
+    named = [name] if name and near[name] <= reach else []
+    # of a support or joint, whose name may be a number; others have their member in their words
+    ends = [] if "member" in effect.where else _ends_at(mesh, place, reach)
+    text = f"at {', '.join([*named, *ends, coordinates_text(place)])}"
     axis = turning_axis(effect, model)
     return text if axis is None else f"{text}, about global {axis_text(axis).lstrip('+−')}"
+
+
+def _ends_at(mesh: Mesh, place: NDArray[np.float64], reach: float) -> list[str]:
+    """Return the ends of members at a place, such as ``end 1 of member leg``; none of more than two."""
+    out = []
+    for member in mesh.members:
+        points = mesh.points[mesh.member_points(member)[[0, -1]]]
+        at = np.flatnonzero(np.linalg.norm(points - place, axis=1) <= reach)
+        out += [f"end {k + 1} of member {member}" for k in at]
+    return out if len(out) <= 2 else []
 
 
 def added_text(effect: Effect, fit: FitResult | None) -> str:

@@ -2,17 +2,21 @@
 
 import json
 import re
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import dovetail
-from dovetail import main
+from dovetail import main, pipeline
 from dovetail.disk.output import null_keys
 from dovetail.notebook.candidates import places_of
+from dovetail.result import notes_of
 from fem import ModelError
 from fem.io import read_npz, write_npz
 from tests.frames import write_study
+from tests.noise import complex_normal
 
 MASS, AT = 0.25, 0.3
 """What `write_study` hides on the arm [kg, m]."""
@@ -104,6 +108,20 @@ def test_a_saved_study_has_the_error_of_the_command(file, study, capsys):
     assert compared(capsys, file.with_name("saved.toml"))["error_db"] == pytest.approx(
         command["error_db"], rel=1e-9
     )
+
+
+def test_channels_that_are_not_compared_are_named_with_the_reason(tmp_path, capsys):
+    path = write_study(tmp_path)
+    frf = read_npz(tmp_path / "frf.npz")
+    rng, H, i = np.random.default_rng(0), frf.H.copy(), frf.outputs.index("A")
+    H[:, i] *= 1 + 0.5 * complex_normal(rng, H[:, i].shape)
+    write_npz(tmp_path / "frf.npz", replace(frf, H=H))
+    found = compared(capsys, path)
+    (said,) = found["uncompared"]
+    assert re.match(r"the FRFs of sensor A are not compared: their noise is [3-6]\d %, over the limit", said)
+    data = pipeline.fit_problem(dovetail.load_study(path)).data
+    diagnosis = SimpleNamespace(steps=[1], problem=SimpleNamespace(data=data), notes=("another",))
+    assert notes_of(diagnosis) == (said, "another")
 
 
 def test_a_saved_fit_is_exported_as_that_of_a_run(file, study, capsys):

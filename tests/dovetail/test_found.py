@@ -133,20 +133,38 @@ def test_estimates_state_the_form_that_the_report_states(tmp_path):
     study = loaded(tmp_path, JOINTED)
     bent = one_of_each(study)["section_form"].with_values(Iy=0.9, A=0.2)
     E = UncertainValue("frame.E:steel", "Pa", 210e9, 205e9, 4e9, 1.23456e9, False)
-    uncertain = (
-        E,
-        *(UncertainValue(f"{bent.name}.{p}", "-", 0.0, 0.5, 0.3, 0.1, False) for p in ("Iy", "A")),
-    )
+    uncertain = [E]
+    for p in ("Iy", "A"):
+        uncertain.append(UncertainValue(f"{bent.name}.{p}", "-", 0.0, 0.5, 0.3, 0.1, False, bent.where))
     result, *_ = reported(study, [bent], tmp_path, uncertain=uncertain, departed=[(bent, "Iy")])
     (tmp_path / "found.toml").write_text(found_text(result, tmp_path))
     found = load_study(tmp_path / "found.toml")
     assert '"frame.E:steel" = { before = 210e9, std = 1.23e9 }  # Pa' in found.text
     assert [name for name, e in found.estimates.items() if e.outside] == [f"{bent.name}.Iy"]
+    assert np.isnan(found.estimates[f"{bent.name}.Iy"].before)
     # a later fit has other deviations, and its values began where the first fit left them
     later, *_ = reported(found, [], tmp_path, uncertain=[replace(E, nominal=205e9, std=1e8)])
     text = found_text(later, tmp_path)
     assert text.count("[estimates]") == 1
     assert tomllib.loads(text)["estimates"]["frame.E:steel"] == {"before": 210e9, "std": 1e8}
+
+
+def test_numbers_that_were_found_have_units_and_meanings(tmp_path):
+    study = loaded(tmp_path, JOINTED)
+    each = one_of_each(study)
+    some = [
+        generic(each[kind]) for kind in ("point_mass", "support_flexibility", "section_form", "clamp_form")
+    ]
+    result, *_ = reported(study, some, tmp_path)
+    text = found_text(result, tmp_path)
+    assert re.search(r"^mass = [\d.]+  # kg$", text, re.MULTILINE)
+    assert re.search(r"^position = [\d.]+  # m$", text, re.MULTILINE)
+    assert re.search(r"^stiffness = [\d.e]+  # (N/m|N·m/rad)$", text, re.MULTILINE)
+    assert "  # relative changes: A (mass per length), Iy, Iz, J, shear (shear flexibility)" in text
+    assert "  # logarithms of factors: u (stiffness)" in text
+    (tmp_path / "found.toml").write_text(text, encoding="utf-8")
+    later, *_ = reported(load_study(tmp_path / "found.toml"), [], tmp_path)
+    assert found_text(later, tmp_path).count("  # kg\n") == text.count("  # kg\n")
 
 
 def test_what_rounding_leaves_of_a_form_is_zero(tmp_path):

@@ -345,6 +345,17 @@ def test_a_picture_marks_each_effect_of_a_row_by_what_the_test_says_of_it(planne
     assert [line.get_label() for line in members.legend] == labels
 
 
+def test_a_picture_of_many_rows_has_those_whose_effects_differ_most(planned, monkeypatch):
+    """Row k has k effects that are seen beside ten that are not."""
+    assert viz.plan.drawn_kinds(planned) == ("point mass", "member stiffness")
+    looks = [SimpleNamespace(shown="seen"), SimpleNamespace(shown="not seen")]
+    numbers = 3, 0, 5, 1, 4, 8, 2, 6
+    plan = SimpleNamespace(kinds={f"row {k}": k * looks[:1] + 10 * looks[1:] for k in numbers})
+    assert viz.plan.drawn_kinds(plan) == ("row 3", "row 5", "row 4", "row 8", "row 2", "row 6")
+    monkeypatch.setattr("viz.plan.MOST_PANELS", 7)
+    assert "row 0" not in viz.plan.drawn_kinds(plan)
+
+
 def test_a_plan_of_data_that_the_model_does_not_explain_says_to_find_the_cause_first(tmp_path, capsys):
     assert main(["plan", str(write_study(tmp_path, mass=0.3))]) == 0
     printed = capsys.readouterr().out

@@ -630,6 +630,8 @@ def test_a_place_is_said_by_node_coordinates_and_global_axis(tmp_path):
     said = words.spot_text(release, study.model)
     assert said.startswith(f"at {name}, (")
     assert re.search(r"\(0, 0, 0\.5\) m, about global [xyz]$", said), said
+    foot = next(iter(study.candidates("support_flexibility")))
+    assert re.match(r"at foot, end 1 of member post, \(0, 0, 0\) m", words.spot_text(foot, study.model))
     inside = next(e for e in study.candidates("point_mass") if e.member == "arm").with_values(position=0.1)
     assert re.fullmatch(r"at \([\d., −]+\) m", words.spot_text(inside, study.model))
 
@@ -709,3 +711,24 @@ def test_one_candidate_alone_is_not_drawn_as_a_ranking(found, album):
     page = report_html(replace(found, diagnosis=alone), album)
     assert f"One candidate was fitted fully; without it {d.steps[1].fit_db:.2f} dB are left." in page
     assert "ranking-1" not in page.split("How the candidates did")[-1]
+
+
+def test_a_finding_without_a_rival_names_what_was_fitted_without_it():
+    finding = SimpleNamespace(effect=SimpleNamespace(name="crack"))
+    with_it = SimpleNamespace(effects=(finding.effect,), probability=0.7, known=True, label="crack")
+    others = [
+        SimpleNamespace(effects=(SimpleNamespace(name=n),), probability=p, known=True, label=n)
+        for n, p in (("mass", 0.02), ("joint", 0.2))
+    ]
+    nothing = SimpleNamespace(effects=(), probability=0.05, known=True, label="nothing missing")
+    unknown = SimpleNamespace(effects=(), probability=0.03, known=False, label="unknown")
+
+    def text(explanations, n_ranked):
+        return words.no_rival_text(SimpleNamespace(explanations=explanations), finding, [None] * n_ranked)
+
+    assert text([with_it, *others, nothing, unknown], 3).endswith("fitted is joint: probability 20\u00a0%.")
+    assert (
+        text([with_it, nothing, unknown], 3)
+        == "Each other candidate that was fitted in its place contains it."
+    )
+    assert "promising enough" in text([with_it, nothing, unknown], 1)

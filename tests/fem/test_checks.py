@@ -20,6 +20,7 @@ from fem import (
     check_model,
     solve_modes,
 )
+from fem.lengths import metres_afterwards, show_lengths
 from tests.frames import FLAT, STEEL, beam, chain, cross_beam, fix, mounted, planar, portal, with_part
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
@@ -71,7 +72,8 @@ def test_coincident_and_nearly_coincident_points():
 
 def test_points_beside_a_line_and_lines_that_cross():
     points = [*SQUARE, [0.4, 1e-3, 0], [0.4, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0]]
-    faults = check_mesh(Mesh.from_lines(points, [*RING, [4, 5], [6, 7]]))
+    mesh = Mesh.from_lines(points, [*RING, [4, 5], [6, 7]])
+    faults = check_mesh(mesh)
     assert sorted(kinds(faults)) == [
         "loose part",
         "loose part",
@@ -82,6 +84,9 @@ def test_points_beside_a_line_and_lines_that_cross():
     assert beside.points.tolist() == [4]
     assert beside.lines.tolist() == [0]
     assert "0.001 m beside it at (0.4, 0.001, 0) m; divide the line there" in beside.message
+    with metres_afterwards():
+        show_lengths(0.001)  # as of a deck in mm
+        assert "1 mm beside it at (400, 1, 0) mm; divide the line there" in check_mesh(mesh)[2].message
     assert cross.lines.tolist() in ([0, 5], [5, 0])
     assert "cross at (0.5, 0, 0) m, and are not connected" in cross.message
 

@@ -168,18 +168,19 @@ def test_matrix_sizes_must_agree():
         heat_maps.error_map(np.zeros((2, 2)), ["a", "b", "c"], ["x", "y"])
 
 
-def test_ranking_puts_the_best_on_top_and_tells_accepted_from_twins():
+def test_ranking_keeps_its_order_and_tells_accepted_from_twins():
+    """A crack that contains a joint leaves less, and is less probable."""
     described = search.ranking(
-        ["mass", "joint", "crack"], [-12.0, -30.0, -29.5], -10.0, twins={2}, accepted=1, floor_db=-33.0
+        ["joint", "crack", "mass"], [-29.5, -30.0, -12.0], -10.0, twins={1}, accepted=0, floor_db=-33.0
     )
     figure = draw(described)
     (ax,) = figure.axes
     assert [t.get_text() for t in ax.get_yticklabels()] == ["joint", "crack", "mass"]
     bars = [bar for bars in ax.containers for bar in bars]
-    assert [bar.get_width() for bar in bars] == [-20.0, -19.5, -2.0]
+    assert [bar.get_width() for bar in bars] == [-19.5, -20.0, -2.0]
     assert to_hex(bars[0].get_facecolor()) == style.EFFECT.lower()
     assert [bool(bar.get_hatch()) for bar in bars] == [False, True, False]
-    assert texts(ax) == ["noise floor −33.00 dB", "−30.00", "−29.50", "−12.00", "without: −10.00 dB"]
+    assert texts(ax) == ["noise floor −33.00 dB", "−29.50", "−30.00", "−12.00", "without: −10.00 dB"]
     assert ax.yaxis_inverted()
     assert legend_texts(figure) == ["accepted", "indistinguishable from it", "other"]
     assert ax.get_xlabel().endswith("[dB]")
@@ -188,7 +189,7 @@ def test_ranking_puts_the_best_on_top_and_tells_accepted_from_twins():
 def test_long_rankings_say_what_they_leave_out():
     (ax,) = draw(search.ranking([f"c{k}" for k in range(30)], -np.arange(30.0), 0.0, at_most=8)).axes
     assert len(ax.get_yticks()) == 8
-    assert "22 worse ones are not shown" in ax.get_xlabel()
+    assert "22 further ones are not shown" in ax.get_xlabel()
 
 
 def test_staircase_prints_every_value_and_the_floor():

@@ -163,14 +163,14 @@ def test_the_staircase_has_every_step_and_the_floor():
 
 
 def test_bars_of_candidates_run_from_the_error_without_them():
-    levels = [2.5, 0.7, 3.0, 0.9]
+    levels = [0.7, 2.5, 3.0, 0.9]
     figure = live.draw(
         search.ranking(
-            ["b", "best", "worse", "twin"],
+            ["best", "b", "worse", "twin"],
             levels,
             2.67,
-            names=["n0", "n1", "n2", "n3"],
-            accepted=1,
+            names=["n1", "n0", "n2", "n3"],
+            accepted=0,
             twins=[3],
         )
     )
@@ -188,7 +188,7 @@ def test_bars_of_candidates_run_from_the_error_without_them():
 def test_worse_candidates_are_counted():
     figure = live.draw(search.ranking([f"c{k}" for k in range(30)], np.arange(30.0), 40.0, at_most=12))
     assert sum(len(t.y) for t in figure.data) == 12
-    assert "18 worse ones are not shown" in figure.layout.xaxis.title.text
+    assert "18 further ones are not shown" in figure.layout.xaxis.title.text
     with pytest.raises(ValueError, match="1 labels and 1 names are given for 2 errors"):
         live.draw(search.ranking(["a"], [1, 2], 3))
 

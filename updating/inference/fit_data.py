@@ -144,6 +144,24 @@ class FitData:
         return logarithm if self.phase else np.real(logarithm) + 0j
 
     @property
+    def uncompared(self) -> tuple[str, ...]:
+        """A sentence on each channel of which no value counts, with the reason."""
+        sides = (("sensor", self.measurement.frf.outputs, 1), ("excitation", self.measurement.frf.inputs, 2))
+        out = []
+        for word, names, axis in sides:
+            for k in np.flatnonzero(~np.moveaxis(self.mask, axis, 0).any(axis=(1, 2))):
+                noise, uncertain = (float(np.median(x.take(k, axis))) for x in (self.noise, self.uncertain))
+                limit, source = f"over the limit of {100 * NOISE_LIMIT:.0f} %", self.measurement.noise_source
+                if noise >= NOISE_LIMIT:
+                    why = f"their noise is {100 * noise:.0f} %, {limit} (from {source})"
+                elif uncertain >= NOISE_LIMIT:
+                    why = f"motion across it may be {100 * uncertain:.0f} % of its readings, {limit}"
+                else:
+                    why = "they are 0, or small compared with the others"
+                out.append(f"the FRFs of {word} {names[k]} are not compared: {why}")
+        return tuple(out)
+
+    @property
     def noise_db(self) -> float:
         """Root mean square of the noise of the FRFs that count [dB]."""
         return float(np.sqrt((self.noise[self.mask] ** 2).mean()) * DB_PER_NEPER)

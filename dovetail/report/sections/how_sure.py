@@ -8,7 +8,14 @@ from dovetail.report.blocks import Heading, Items, ReportSection, Text
 from dovetail.report.probable import replaced_text
 from dovetail.report.sections import staircase
 from dovetail.report.shown import Shown
-from dovetail.report.words import digits_apart, effect_label, equal_fit_text, extension_text, ranked_label
+from dovetail.report.words import (
+    digits_apart,
+    effect_label,
+    equal_fit_text,
+    extension_text,
+    no_rival_text,
+    ranked_label,
+)
 from dovetail.result import RunResult, by_any, by_frfs
 from updating.diagnosis.findings import Finding, Ranked
 from updating.diagnosis.verdict import UNEXPLAINED, Verdict
@@ -95,7 +102,7 @@ def _rivals(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> str:
     if accepted is None:
         return text
     if rival is None:
-        return f"{text} No other candidate was promising enough to be fitted to all lines."
+        return f"{text} {no_rival_text(d, finding, ranked)}"
     n = digits_apart(rival.fit_db, [accepted.fit_db])
     text += (
         f" The best of the other candidates, {ranked_label(rival)}, leaves {rival.fit_db:.{n}f} dB "

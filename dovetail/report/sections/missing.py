@@ -35,7 +35,7 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     blocks += explanations.page(d, shown)
     for k, finding in enumerate(d.findings):
         if k < len(d.rounds):  # not of effects that were added by hand
-            blocks += [*_why(finding, d.rounds[k]), *_decided(finding, shown.album[f"decides-{k + 1}"])]
+            blocks += [*_why(finding, d.rounds[k]), *_decided(d, k, shown.album[f"decides-{k + 1}"])]
         for twin, proposals in zip(finding.alternatives, finding.proposals, strict=False):
             blocks += _separated(finding, twin, proposals)
     text = (
@@ -108,12 +108,13 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     ]
 
 
-def _decided(finding: Finding, picture: Picture | None) -> list[Block]:
+def _decided(d: Verdict, k: int, picture: Picture | None) -> list[Block]:
     """Say which FRFs and bands prefer the effect to its rival."""
+    finding = d.findings[k]
     heading = Heading("Deciding evidence")
     against = finding.rival or next(iter(finding.alternatives), None)
     if against is None:
-        return [heading, Text("No other candidate was promising enough to be fitted and compared with it.")]
+        return [heading, Text(words.no_rival_text(d, finding, d.rounds[k]))]
     if not finding.decisive:
         return []
     first = finding.decisive[0]
