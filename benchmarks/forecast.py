@@ -92,7 +92,11 @@ def compared(problem: FitProblem, forecast: Forecast, i: int) -> Iterator[Compar
         if np.isnan(factor):
             return
         there = forecast.effect_at(i, factor)
-        known = hiding(problem, there)
+        try:
+            known = hiding(problem, there)
+        except np.linalg.LinAlgError:  # the planned model holds what this effect releases
+            print(f"  {effect.kind} at {there.where}: not put into data")
+            return
         way = {"n_lines": FULL_LINES, "tolerance": 1e-4}
         without = fit(known, **way)
         start = {"x_from": replace(base, effects=()), "stages": known.stages[-1:], **way}
