@@ -220,14 +220,12 @@ def test_cards_of_what_was_found_leave_a_part_to_its_program(tmp_path):
     """A fitted part has no cards: a note says what to change in its own model."""
     bolt = ', name = "bolt", k = { kx = 2e7, kz = 1e5 }, rigid = "y rx ry rz"'
     made = study(
-        tmp_path, attached(bolt) + '[[effects]]\ncandidate = "joint_stiffness:bolt.x"\nstiffness = 3e5\n'
+        tmp_path,
+        attached(bolt)
+        + '[[effects]]\ncandidate = "joint_stiffness:bolt.x"\nstiffness = 3e5\n'
+        + '[estimates]\n"bracket.stiffness" = { before = 0.0, std = 0.01 }\n'
+        + '"bolt.kz" = { before = 1e5, std = 1e3 }\n',
     )
-    fitted = [
-        {"name": "bracket.stiffness", "unit": "-", "nominal": 0.0, "fitted": 0.04, "std": 0.01},
-        {"name": "bolt.kx", "unit": "N/m", "nominal": 2e7, "fitted": None, "std": None},
-        {"name": "bolt.kz", "unit": "N/m", "nominal": 1e5, "fitted": 1.2e5, "std": 1e3},
-    ]
-    (tmp_path / "result.json").write_text(json.dumps({"uncertain": fitted}))
     made = replace(
         made, model=made.model.with_values({("bracket", "stiffness"): 0.04, ("bolt", "kz"): 1.2e5})
     )

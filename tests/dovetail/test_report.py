@@ -207,9 +207,9 @@ def test_an_effect_that_fits_as_well_is_told_with_the_digits_of_the_difference(f
         assert "the prior decides, not the data" in text
     assert "has no twin" not in page
     assert "No candidate without it explains the data nearly as well" not in page
-    table = str(rounds.table([first, crack], 0))
-    assert "0.9998" in table
-    assert f"{crack.fit_db:.{n}f}" in table
+    table = rounds.table([first, crack], 0)
+    assert "0.9998" in str(table)
+    assert any(crack.fit_db in column.values for column in table.columns)
 
 
 def test_an_error_of_a_channel_beyond_tolerance_is_told_everywhere(found, album, tmp_path):

@@ -50,6 +50,7 @@ from fem.effects import (
 )
 from fem.effects.solid_corner import _Zone
 from fem.elements.cut import cut
+from fem.model import FollowsOthers
 from fem.reduction import LocalChanges, ParametricFRF, reduce_model
 from fem.sensitivity.matrices import differentiate_matrices
 from tests.frames import fix
@@ -553,7 +554,7 @@ def test_steps_of_what_gives_way_are_those_of_another_cut(end):
     model = plain.with_effect(*others, *cracks, twist)
     model = model.with_values({ref: v for ref, v in VALUES.items() if ref in model.values()})
     n_seen = 0
-    for soft in (e for e in model.effects if e.gives_way):
+    for soft in (e for e in model.effects if isinstance(e, FollowsOthers)):
         refs = [r for r in soft.refers_to(model) if r[0] != soft.name]
         stepped = {r: model.with_values({r: model.values()[r] + 1e-200j}) for r in refs}
         for ref, steps in zip(refs, soft.steps_by_others(model, stepped), strict=True):

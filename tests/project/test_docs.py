@@ -14,7 +14,7 @@ from updating.inference import belief
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 CONSTANT = re.compile(r"^\| `([A-Z_]+)` \| ([^|]+) \|", re.MULTILINE)
-NUMBER = re.compile(r"(?:(\w+) )?(\d[\d.]*)")
+NUMBER = re.compile(r"(?:(\w+) )?(−?\d[\d.]*)(?: ± (\d[\d.]*))?")
 BELIEF = {name: value for name, value in vars(belief).items() if name.isupper()}
 
 
@@ -28,14 +28,14 @@ def test_the_constants_of_belief_are_documented_and_no_others():
 
 @pytest.mark.parametrize("name", BELIEF)
 def test_constants_have_the_values_that_are_documented(name):
-    """Such as `0.1`, `ln 10`, `0.0005, 0.008`, and `u 1, plane 0.4` of a dictionary."""
-    found = NUMBER.findall(documented()[name])
-    numbers = [math.log(float(x)) if word == "ln" else float(x) for word, x in found]
+    """Such as `0.1`, `ln 10`, `0.0005, 0.008`, and `u 1, plane 0.4` or `u −0.3 ± 0.5` of a dictionary."""
+    found = [(word, float(x.replace("−", "-")), std) for word, x, std in NUMBER.findall(documented()[name])]
     value = BELIEF[name]
     if isinstance(value, dict):
-        assert {key: x for (key, _), x in zip(found, numbers, strict=True)} == value
-    else:
-        assert numbers == pytest.approx(list(value) if isinstance(value, tuple) else [value])
+        assert {word: (x, float(std)) if std else x for word, x, std in found} == value
+        return
+    numbers = [math.log(x) if word == "ln" else x for word, x, _ in found]
+    assert numbers == pytest.approx(list(value) if isinstance(value, tuple) else [value])
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -48,8 +48,9 @@ def _usual(model: Model, form: Effect) -> Usual:
     """Return what is known of a part of the form: a section as the model states, all else as usual."""
     if isinstance(form, ClampForm):
         return FORM_CLAMP
-    if not isinstance(form, SectionForm):
+    if isinstance(form, ZoneForm):
         return FORM_JOINT if form.around else FORM_CORNER
+    assert isinstance(form, SectionForm)
     member = form.members[0]
     section, stated = form.frame.members[member].section, model.tolerances_of(member)
     std = dict(FORM_SECTION)
