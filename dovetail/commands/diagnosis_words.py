@@ -10,29 +10,6 @@ if TYPE_CHECKING:
     from updating.diagnosis.verdict import Verdict
 
 
-def found_lines(d: "Verdict") -> list[str]:
-    """Return found effects with values, twins and probability, doubts, and sensor faults, a line each."""
-    from dovetail.report import words
-    from dovetail.report.probable import probability_details, probability_text
-    from dovetail.result import uncertain_parameters
-
-    out = []
-    for k, f in enumerate(d.findings):
-        out.append(f"  {words.finding_text(f)}")
-        out += [f"    {spot}" for spot in (words.spot_text(f.effect, d.model),) if spot]
-        if f.alternatives:
-            names = "; ".join(map(words.ranked_label, f.alternatives))
-            out.append(f"    cannot be distinguished from: {names}")
-        out += [f"    {words.extension_text(f, t)}" for t in f.extensions]
-        if k < len(d.rounds) and (equal := words.equal_fit_text(d, f, d.rounds[k])):
-            out.append(f"    {equal}")
-    out += [f"  {text}" for text in (probability_text(d),) if text]
-    out += [f"    {text}" for text in (probability_details(d),) if text]
-    out += [f"  {text}" for text in (words.far_text(uncertain_parameters(d)),) if text]
-    out += [f"  Form: {words.departure_text(f)}" for f in d.departures]
-    return out + [f"  {words.fault_text(f)}" for f in d.every_fault]
-
-
 def diagnosis_lines(
     d: "Verdict", modes: "ModeTable | None", held_out: "Mapping[str, tuple[float, ...]] | None" = None
 ) -> "list[str | Table]":
@@ -46,6 +23,7 @@ def diagnosis_lines(
     held_out : mapping of str to tuple of float, optional
         Errors of channels that no fit has seen, by step [dB].
     """
+    from dovetail.report.found_lines import found_lines
     from dovetail.report.sections import explanations, measured_modes, staircase
 
     lines: list[str | Table] = [*found_lines(d), "", staircase.table(d, held_out)]

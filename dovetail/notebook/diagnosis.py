@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from dovetail.notebook.html import table
 from dovetail.report import words
+from dovetail.report.found_lines import found_lines
 from dovetail.report.sections import explanations, measured_modes, rounds, staircase
 from fem.analysis.labelled import imported
 from updating.diagnosis import diagnose, mode_diagnosis
@@ -66,6 +67,10 @@ class Tables:
         from viz.interactive.live import draw
 
         return draw(staircase.figure(self))
+
+    def __str__(self: Verdict) -> str:  # pyright: ignore[reportGeneralTypeIssues]
+        """Return the verdict and what was found, with values and probabilities."""
+        return "\n".join([f"{self.verdict}: {self.reason}", *found_lines(self)])
 
     def _repr_html_(self: Verdict) -> str:  # pyright: ignore[reportGeneralTypeIssues]
         """Return the verdict, what was found, the error after each step, and measured modes."""

@@ -14,6 +14,7 @@ import dovetail
 import fem
 import joint
 import updating
+from dovetail.report.found_lines import found_lines
 from fem import FRF, Effect, FRFError, Parameter, assemble
 from fem.declarations import Site
 from fem.summary import fields_summary, percent, quantity, span
@@ -75,6 +76,13 @@ def test_objects_that_people_meet_print_one_short_line(study, comparison, found,
     ]
     too_long = {type(x).__name__: len(repr(x)) for x in met if len(repr(x)) > LONGEST or "\n" in repr(x)}
     assert too_long == {}
+
+
+def test_a_printed_diagnosis_says_what_was_found(found):
+    first, *lines = str(found).splitlines()
+    assert first == f"{found.verdict}: {found.reason}"
+    assert lines == found_lines(found)
+    assert any("point mass" in line and "±" in line for line in lines)
 
 
 def test_a_comparison_is_computed_once_for_a_study(study, comparison, monkeypatch):

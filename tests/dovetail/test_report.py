@@ -11,7 +11,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.commands.diagnosis_words import found_lines
 from dovetail.found import found_text
 from dovetail.modes_pipeline import modes_in_frfs
 from dovetail.notebook.diagnosis import StudyDiagnosis
@@ -33,6 +32,7 @@ from dovetail.report import (
     thresholds,
     words,
 )
+from dovetail.report.found_lines import found_lines
 from dovetail.report.sections import rounds, uncertain
 from dovetail.result import _FORM as FORM_WORDS
 from dovetail.result import UncertainValue, diagnosis_dict, result_dict

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail.commands.diagnosis_words import found_lines
+from dovetail.report.found_lines import found_lines
 from fem import PointMass
 from tests.noise import complex_normal
 from tests.updating.test_channel_errors import bent, described, measured

@@ -35,6 +35,9 @@ N_LINES = 24
 """Lines at which sensors are compared."""
 N_POSITIONS, N_OF_RIVALS = 6, 3
 """At most so many positions of an effect of a relevant size, and of of its rivals."""
+MOST_RESIDUALS = 30_000
+"""Forces are chosen by what sensors at some places see, where those at all would have more residuals: each of
+a thousand effects takes 16 bytes of each."""
 MOST_PASSES = 3
 """Passes in which sensors are exchanged one by one, at most."""
 
@@ -141,7 +144,8 @@ def choose(
     """Choose sensors and forces so that as many effects of a relevant size as possible are named.
 
     Sensors are added one by one and then exchanged as long as that gains. Their masses do not count, nor
-    those of exciters whose places are chosen.
+    those of exciters whose places are chosen. Of many places, forces are chosen by what sensors at some of
+    them see.
 
     Parameters
     ----------
@@ -177,38 +181,44 @@ def choose(
             msg = f"{n} {word} are to be chosen from {len(some)}; at least 1 and at most as many are possible"
             raise ValueError(msg)
     say = progress or (lambda text, done: None)
-    say("reducing the model", 0.0)
     light = replace(errors, sensor_mass=0.0)  # no test has sensors everywhere
     if n_excitations is not None:
         light = replace(light, driver_mass=0.0, stinger=0.0)
+    settings |= {"kinds": kinds, "exclude": exclude, "model_error": model_error}
+    discrepancy = usual_discrepancy(model_error) if discrepancy is None else discrepancy
     fixed = range(len(kept))
     sensors = (*kept, *sensors)
-    test = planned_measurement(model, sensors, excitations, frequency, noise, errors=light)
-    settings |= {"kinds": kinds, "exclude": exclude, "model_error": model_error}
-    fit_problem, _, candidates = prepare_search(model, test, nuisances, **settings)
-    base = fit_problem.nominal()
-    problem = as_planned(fit_problem, base)
-    discrepancy = usual_discrepancy(model_error) if discrepancy is None else discrepancy
-    look = Look.of(
-        problem,
-        base,
-        N_LINES,
-        0,
-        len(frequency) * len(sensors) * len(excitations),
-        discrepancy,
-        bounded=False,
-    )
-    odds = Odds.of(candidates, problem.reduced.model)
-    n, effects, changes, against = _effects(
-        look, candidates, sizes, odds, lambda part: say("effects", 0.1 + 0.4 * part)
-    )
-    same = np.array([[a.name == b.name or covers(b, a) for b in effects] for a in effects[:n]])
-    least = np.where(same, 0.0, needed(against[:n, None] - against))
-    least[np.arange(n), np.arange(n)] = needed(against[:n])
-    say("what each channel says", 0.5)
-    channels = _Channels.of(look, changes, len(sensors) / (len(kept) + n_sensors))
-    pushed = _best_forces(channels, least, n_excitations or len(excitations))
-    worth = _Worth(channels.of_sensors(pushed, n), channels.data, channels.known, least)
+
+    def seen(some: Sequence[Sensor], forces: Sequence[Sensor], at: float) -> tuple["_Channels", Floats]:
+        """Return what some sensors see of effects with some forces, and the gains that they need."""
+        say("reducing the model", at)
+        test = planned_measurement(model, some, forces, frequency, noise, errors=light)
+        fit_problem, _, candidates = prepare_search(model, test, nuisances, **settings)
+        base = fit_problem.nominal()
+        problem = as_planned(fit_problem, base)
+        n_data = len(frequency) * len(some) * len(forces)
+        look = Look.of(problem, base, N_LINES, 0, n_data, discrepancy, bounded=False)
+        odds = Odds.of(candidates, problem.reduced.model)
+        n, effects, changes, against = _effects(
+            look, candidates, sizes, odds, lambda part: say("effects", at + (0.5 - at) * part)
+        )
+        same = np.array([[a.name == b.name or covers(b, a) for b in effects] for a in effects[:n]])
+        least = np.where(same, 0.0, needed(against[:n, None] - against))
+        least[np.arange(n), np.arange(n)] = needed(against[:n])
+        say("what each channel says", 0.5)
+        return _Channels.of(look, changes, len(some) / (len(kept) + n_sensors)), least
+
+    def chosen(part: float) -> None:
+        say("choosing forces", 0.5 + 0.1 * part)
+
+    n_few = max(MOST_RESIDUALS // (N_LINES * len(excitations)), 2)
+    if n_excitations is not None and n_few < len(sensors):
+        few = np.linspace(0, len(sensors) - 1, n_few).astype(int)
+        pushed = _best_forces(*seen([sensors[k] for k in few], excitations, 0.0), n_excitations, chosen)
+        excitations = [excitations[k] for k in pushed]
+    channels, least = seen(sensors, excitations, 0.3)
+    pushed = _best_forces(channels, least, n_excitations or len(excitations), chosen)
+    worth = _Worth(channels.of_sensors(pushed, len(least)), channels.data, channels.known, least)
     taken, curve = _added(worth, fixed, n_sensors, lambda part: say("adding sensors", 0.6 + 0.2 * part))
     taken = _exchanged(worth, taken, len(kept), lambda part: say("exchanging sensors", 0.8 + 0.2 * part))
     return ChosenChannels(
@@ -334,18 +344,24 @@ class _Channels:
         return Information.of(rows, len(self.known), n)
 
 
-def _best_forces(channels: _Channels, least: Floats, n: int) -> tuple[int, ...]:
+def _best_forces(channels: _Channels, least: Floats, n: int, say: Callable[[float], None]) -> tuple[int, ...]:
     """Return the forces that tell most with all sensors."""
     worth = _Worth(channels.of_forces(len(least)), channels.data, channels.known, least)
-    if n == len(worth.information):
+    n_all = len(worth.information)
+    if n == n_all:
         return tuple(range(n))
-    single = [worth.value(each) for each in worth.information]
+    single = []
+    for k, each in enumerate(worth.information):
+        say(0.7 * k / n_all)
+        single.append(worth.value(each))
     # Of more places for forces those that are driven best count
     best = np.sort(np.argsort(single)[::-1][: max(n, 8)])
-    return max(
-        combinations(best.tolist(), n),
-        key=lambda some: worth.value(worth.of(some)),
-    )
+    together = dict[tuple[int, ...], float]()
+    sets = list(combinations(best.tolist(), n))
+    for k, some in enumerate(sets):
+        say(0.7 + 0.3 * k / len(sets))
+        together[some] = worth.value(worth.of(some))
+    return max(sets, key=together.__getitem__)
 
 
 def _added(
