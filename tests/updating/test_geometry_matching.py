@@ -176,6 +176,16 @@ def test_points_anywhere_on_members_are_placed(seed):
     assert np.array_equal(with_points.points[: mesh.n_points], mesh.points)
 
 
+def test_points_stated_with_five_digits_are_points_of_the_mesh():
+    """Other axes and few digits leave micrometres: no point is made beside one, and no line so short."""
+    mesh = frame_of_members().split(4)
+    R = Rotation.from_euler("xyz", [0.3, -0.2, 0.5]).as_matrix()
+    test = np.array([[float(f"{v:.5e}") for v in p] for p in (mesh.points - [3.0, -2.0, 1.0]) @ R])
+    found, with_points = match_members(test, mesh, tolerance=0.005)
+    assert found.pairs[:, 1].tolist() == list(range(mesh.n_points))
+    assert with_points.n_points == mesh.n_points
+
+
 def storeys():
     """Return three storeys of four legs, with four beams that break the symmetry."""
     corners, heights = [(-0.15, -0.11), (0.15, -0.11), (0.15, 0.11), (-0.15, 0.11)], [0.0, 0.17, 0.34, 0.52]

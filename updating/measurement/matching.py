@@ -21,6 +21,8 @@ FITTING = (0.2, 1.05)
 _COLLINEAR = 1e-3
 _MOST_DISTANCES = 500_000
 """Distances of points from lines that are in memory at once."""
+_DIGITS = 1e-5
+"""Places so near are one, in parts of the size of the mesh [-]: files state five or more digits."""
 _MOST_POINTS = 120
 """Points along the members from which placements are searched."""
 
@@ -294,8 +296,10 @@ def put_on_members(match: GeometryMatch, mesh: Mesh) -> tuple[GeometryMatch, Mes
     pairs = match.pairs.copy()
     for k, i in enumerate(match.pairs[:, 0]):
         member, position, _ = mesh.nearest_on_members(match.points[i])
-        mesh = mesh.with_point_on(member, position)
-        pairs[k, 1] = mesh.nearest_point(mesh.point_at(mesh.locate(member, position)))[0]
+        place = mesh.point_at(mesh.locate(member, position))
+        if mesh.nearest_point(place)[1] > _DIGITS * mesh.size:
+            mesh = mesh.with_point_on(member, position)
+        pairs[k, 1] = mesh.nearest_point(place)[0]
     return replace(match, pairs=pairs), mesh
 
 
