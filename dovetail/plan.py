@@ -72,7 +72,12 @@ def _plan(study: StudyContents, noise: float | None, left_db: float | None, say:
         say("fitting the uncertain parameters", 0.3 * 0.05)
         found = search_of_problem(*prepared, progress=lambda text, done: say(text, 0.3 * done))
         return plan_from_search(found, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done), data)
-    study.require_ends()
+    if not (study.sensors and study.excitations):
+        msg = (
+            f"{study.path}: a plan needs [[sensors]] and [[excitations]], or the numbers to choose "
+            "(--choose 8 --excitations 2; in Python choose=8, excitations=2)"
+        )
+        raise StudyError(msg)
     frequency = _lines(study)
     test = planned_measurement(
         study.model,

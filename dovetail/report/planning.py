@@ -247,7 +247,7 @@ def blind_lines(plan: Plan) -> list[str]:
             nowhere.append(kind)
         elif places:
             out.append(f"{kind}: {'; '.join([*places[:MOST_BLIND], *more])}")
-    return [f"nowhere: {', '.join(nowhere)}"] * bool(nowhere) + out
+    return [f"nowhere: {'; '.join(nowhere)}"] * bool(nowhere) + out
 
 
 def plan_dict(plan: Plan) -> dict[str, Any]:

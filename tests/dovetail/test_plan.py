@@ -217,6 +217,7 @@ def test_a_study_without_channels_is_refused_in_one_line(tmp_path, capsys, part)
     errors = [line for line in said.err.splitlines() if "warning" not in line]
     assert len(errors) == 1
     assert f"[[{part}]]" in errors[0]
+    assert "--choose" in errors[0]
     assert "study.toml" in errors[0]
 
 
@@ -421,7 +422,7 @@ def test_sizes_at_which_nothing_is_named_have_words(planned):
 def test_places_where_nothing_is_seen_are_listed_once(planned):
     blind = replace(planned, relevant=tuple(replace(o, seen=False) for o in planned.relevant))
     lines = planning.blind_lines(blind)
-    assert lines == ["nowhere: point mass, member stiffness"]
+    assert lines == ["nowhere: point mass; member stiffness"]
     first, *others = blind.relevant
     some = replace(blind, relevant=(replace(first, seen=True), *others))
     assert planning.blind_lines(some) == [

@@ -4,8 +4,9 @@ import pytest
 
 from dovetail.report import fitted_text, parameter_text
 from fem import Parameter
+from fem.effects import EndRelease
 from updating import EffectParameter
-from updating.diagnosis.findings import _at_bound
+from updating.diagnosis.findings import Finding, _at_bound
 
 
 @pytest.mark.parametrize(
@@ -29,3 +30,9 @@ def test_no_deviation_is_said_at_a_bound():
     edge = EffectParameter("share", 1.0, "-", 0.3, at_bound=True)
     assert fitted_text(edge) == "1.00 (at its bound)"
     assert parameter_text(edge) == "share 1.00 (at its bound)"
+
+
+def test_a_found_compliance_is_printed_as_a_stiffness():
+    release = EndRelease(name="end", member="beam", end=2, direction="ry", compliance=5e-4, reference=1.0)
+    found = Finding(release, (EffectParameter("compliance", 5e-4, "rad/(N·m)", 5e-5),), ())
+    assert "stiffness 2000 ± 200 N·m/rad" in repr(found)

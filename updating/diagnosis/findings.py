@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fem.model import Effect, Parameter, covers
+from fem.model import Effect, Parameter, covers, reciprocal_form
 from fem.summary import counted, quantity, summary
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
@@ -83,6 +83,14 @@ class Ranked:
         return summary(self, f"{self.name} at {self.where}: {values}; {errors}")
 
 
+def _stated(p: EffectParameter) -> str:
+    """Return value and standard deviation; of a compliance as the stiffness that engineers give."""
+    form = reciprocal_form(p.name, p.unit) if p.name == "compliance" and p.value else None
+    if form is None:
+        return f"{p.name} {p.value:.4g} ± {quantity(p.std, p.unit)}"
+    return f"{form[0]} {1 / p.value:.4g} ± {quantity(p.std / p.value**2, form[1])}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Finding:
     """A missing effect.
@@ -125,7 +133,7 @@ class Finding:
 
     def __repr__(self) -> str:
         """Return the effect with its values, and effects indistinguishable from it, on one line."""
-        values = ", ".join(f"{p.name} {p.value:.4g} ± {quantity(p.std, p.unit)}" for p in self.parameters)
+        values = ", ".join(map(_stated, self.parameters))
         twins = f"; {counted(len(self.alternatives), 'effect')} alike" if self.alternatives else ""
         return summary(self, f"{self.effect.name} at {self.effect.where}: {values}{twins}")
 
