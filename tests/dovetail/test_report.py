@@ -389,7 +389,8 @@ def test_parameters_far_from_nominal_are_printed_and_in_json(found, monkeypatch)
     assert not any("far from nominal" in line for line in found_lines(found.diagnosis))
     one = found.uncertain[0]
     moved = (replace(one, fitted=one.nominal - 2.6 * one.prior_std),)
-    monkeypatch.setattr("dovetail.result.uncertain_parameters", lambda d: moved)
+    for module in ("dovetail.result", "dovetail.report.found_lines"):
+        monkeypatch.setattr(f"{module}.uncertain_parameters", lambda d: moved)
     (said,) = diagnosis_dict(found.diagnosis)["uncertain"]
     assert (said["moved"], said["far"]) == (pytest.approx(-2.6), True)
     assert any("E of steel (−2.6)" in line for line in found_lines(found.diagnosis))
