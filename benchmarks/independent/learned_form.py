@@ -16,14 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from dovetail import load_study
 from dovetail.pipeline import fit_settings, measured, without_held_out
+from fem.array_types import Floats
 from updating.diagnosis.evidence.diagnosis import prepare_search, search_of_problem
 
-Floats = NDArray[np.float64]
 Priors = Mapping[str, tuple[float, float]]
 """Mean and standard deviation of kinds of parameters [unit of the parameter]."""
 WIDTH = 2.0

@@ -17,18 +17,15 @@ def asked(folder, mass):
     return study, [without_held_out(study, m) for m in measured(study)]
 
 
+def how(study, kinds):
+    return {"damping_std": study.damping_std, "kinds": kinds, "model_error": 0.1}
+
+
 def diagnosed(folder, *, mass, kinds):
     study, measurements = asked(folder, mass)
     said = []
-    found = diagnose(
-        study.model,
-        measurements,
-        study.nuisances,
-        damping_std=study.damping_std,
-        kinds=kinds,
-        model_error=0.1,
-        progress=lambda text, done: said.append((text, done)),
-    )
+    progress = lambda text, done: said.append((text, done))  # noqa: E731
+    found = diagnose(study.model, measurements, study.nuisances, progress=progress, **how(study, kinds))
     assert said[0][1] == 0.0
     assert all(0 <= done <= 1 for _, done in said)
     return found
@@ -52,14 +49,7 @@ def test_a_hidden_mass_is_named_with_its_probability(tmp_path):
 
 def by_evidence(study, measurement, kinds, crew=ALONE):
     """Return the search alone, without verdict and report."""
-    prepared = prepare_search(
-        study.model,
-        measurement,
-        study.nuisances,
-        damping_std=study.damping_std,
-        kinds=kinds,
-        model_error=0.1,
-    )
+    prepared = prepare_search(study.model, measurement, study.nuisances, **how(study, kinds))
     quiet = lambda text, done: None  # noqa: E731
     return searched(search_of_problem(*prepared, progress=quiet, crew=crew), quiet)
 

@@ -7,8 +7,9 @@ from fem import Relevant
 from tests.frames import fix
 from tests.updating.test_plan import BAND, channels, halves, mapped
 from updating.plan import with_masses, without_supports
-from updating.plan.choose import choose
+from updating.plan.choose import N_LINES, choose
 from updating.plan.perturbed import perturbed
+from updating.plan.planned import planned_measurement
 
 ACROSS = (0.0, 1.0, 0.0)
 
@@ -32,6 +33,24 @@ def test_sensors_and_forces_across_the_motion_are_not_chosen():
     found = chosen((*across, *along), forces, 3, 1, sizes=Relevant(masses=0.001))
     assert {s.name for s in found.sensors} == {s.name for s in along}
     assert [f.name for f in found.excitations] == ["f0"]
+
+
+def test_of_many_places_forces_are_chosen_by_what_some_sensors_see(monkeypatch):
+    """What all places see with all forces would not fit into memory."""
+    seen = []
+
+    def recorded(model, sensors, forces, *args, **more):
+        seen.append((len(sensors), len(forces)))
+        return planned_measurement(model, sensors, forces, *args, **more)
+
+    monkeypatch.setattr("updating.plan.choose.planned_measurement", recorded)
+    monkeypatch.setattr("updating.plan.choose.MOST_RESIDUALS", 2 * 2 * N_LINES)
+    along = channels("s", (-0.4, -0.1, 0.15, 0.45))
+    forces = (*channels("g", (0.1,), ACROSS), *channels("f", (0.1,)))
+    found = chosen(along, forces, 3, 1, sizes=Relevant(masses=0.001))
+    assert seen == [(2, 2), (4, 1)]
+    assert [f.name for f in found.excitations] == ["f0"]
+    assert len(found.sensors) == 3
 
 
 def test_more_sensors_name_no_fewer_effects_as_they_are_added():

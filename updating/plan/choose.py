@@ -356,12 +356,11 @@ def _best_forces(channels: _Channels, least: Floats, n: int, say: Callable[[floa
         single.append(worth.value(each))
     # Of more places for forces those that are driven best count
     best = np.sort(np.argsort(single)[::-1][: max(n, 8)])
-    together = dict[tuple[int, ...], float]()
-    sets = list(combinations(best.tolist(), n))
+    sets, values = list(combinations(best.tolist(), n)), list[float]()
     for k, some in enumerate(sets):
         say(0.7 + 0.3 * k / len(sets))
-        together[some] = worth.value(worth.of(some))
-    return max(sets, key=together.__getitem__)
+        values.append(worth.value(worth.of(some)))
+    return sets[int(np.argmax(values))]
 
 
 def _added(
