@@ -108,6 +108,10 @@ class FitFunction(ABC, Generic[P]):
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
 
+    def usual_squares(self) -> Floats:
+        """Return the mean squares that right models usually leave beyond noise at most, of each group."""
+        return self.allowed_squares()
+
     @abstractmethod
     def errors(self, x: Floats) -> Errors:
         """Return how far the computed model is from what was measured."""

@@ -12,7 +12,7 @@ from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.set_ups import SetUpsFRF
 from updating.correlation import DB_PER_NEPER, log_ratio
-from updating.inference.belief import DISCREPANCY_MAX
+from updating.inference.belief import DISCREPANCY_MAX, DISCREPANCY_USUAL
 from updating.inference.fit_data import noise_squares
 from updating.inference.fit_function import Errors, FitFunction
 from updating.inference.fit_result import FitResult
@@ -132,8 +132,14 @@ class FrfFunction(FitFunction[FrfInputs]):
 
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group."""
-        problem = self.problem
-        square = (DISCREPANCY_MAX * problem.model_error) ** 2 + problem.mesh_level**2
+        return self._beyond_noise(DISCREPANCY_MAX)
+
+    def usual_squares(self) -> Floats:
+        """Return the mean squares that right models usually leave beyond noise at most, of each group."""
+        return self._beyond_noise(DISCREPANCY_USUAL)
+
+    def _beyond_noise(self, share: float) -> Floats:
+        square = (share * self.problem.model_error) ** 2 + self.problem.mesh_level**2
         return np.full(len(np.unique(self.groups)), square)
 
     def errors(self, x: Floats) -> Errors:

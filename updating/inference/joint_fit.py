@@ -118,6 +118,11 @@ class JointFunction(FitFunction[FrfInputs]):
         frf, modes = self.frf, self.modes
         return np.concatenate([frf.allowed_squares(), modes.allowed_squares()])
 
+    def usual_squares(self) -> Floats:
+        """Return the mean squares that right models usually leave beyond noise at most, of each group."""
+        frf, modes = self.frf, self.modes
+        return np.concatenate([frf.usual_squares(), modes.usual_squares()])
+
     def errors(self, x: Floats) -> Errors:
         """Return how far computed FRFs and modes are from the measured ones."""
         frf, modes = self.frf, self.modes

@@ -260,6 +260,7 @@ class Search(Generic[P]):
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
     # Of the problem beside them: they are asked for with every probability.
     _allowed: tuple[P, Floats] | None = field(default=None, init=False)
+    _usual: tuple[P, Floats] | None = field(default=None, init=False)
     # Of one fit by one problem: it is asked for from afar and from near.
     _last_scan: tuple[P, FitResult, tuple[Scanned, ...]] | None = field(default=None, init=False)
 
@@ -321,9 +322,9 @@ class Search(Generic[P]):
                 if self.budget.checked:
                     beam[0] = self.swapped(beam[0])
                 beam[0] = best = self.with_enriched_basis(beam[0])
-                if self.explains(best):  # what explains the data needs no other way
+                if self.suffices(best):  # what explains the data needs no other way
                     beam = beam[:1]
-            elif self.explains(best):
+            elif self.suffices(best):
                 break
             short += [self.short_of(h) for h in beam[:1]]
             if beam and self.is_hopeless(short, len(beam[0].effects)):
@@ -366,7 +367,7 @@ class Search(Generic[P]):
         for h in self.seeds:
             if h.key <= names:
                 self.full(h.effects, values_of(h.effects), nothing)
-        if not self.best.effects or not self.explains(self.best):
+        if not self.best.effects or not self.suffices(self.best):
             return nothing
         return self.with_enriched_basis(self.swapped(self.best))
 
@@ -401,7 +402,7 @@ class Search(Generic[P]):
 
     def settled(self, h: ScoredFit) -> bool:
         """Whether a hypothesis has found what was missing: otherwise its uncertain parameters may be bent."""
-        return self.explains(h) and (bool(h.effects) or not self.fits.is_far(h))
+        return self.suffices(h) and (bool(h.effects) or not self.fits.is_far(h))
 
     def beats(self, h: ScoredFit, best: ScoredFit) -> bool:
         """Whether a hypothesis is more probable than another one; than a simpler one, by more than a twin."""
@@ -446,7 +447,7 @@ class Search(Generic[P]):
         if damped is None or looked is None:
             return self.from_near(base, free, now, far=far)
         # What explains the data with a form far from nominal may be as far as it is fitted.
-        out = self.from_near(base, free, now, far=False) if self.explains(base) else []
+        out = self.from_near(base, free, now, far=False) if self.suffices(base) else []
         ways = _best_first(self.from_afar(base, damped, looked))
         while not any(h.score > now + TWIN_NATS and self.fits.is_near(h) for h in out):
             if (trials := next(ways, None)) is None:
@@ -527,13 +528,13 @@ class Search(Generic[P]):
         self.tell(f"looking at {len(self.candidates)} {what}")
         quick = self.fits.problems(base)[0] if far else free
         kept = values_of(base.effects)
-        settled = self.settled(base) or (self.explains(base) and not far)
+        settled = self.settled(base) or (self.suffices(base) and not far)
         proposals = sorted(self.proposals(base, quick, far=far, settled=settled), key=lambda p: -p.worth)
         # Fits that begin where uncertain parameters stand for what is missing stay there.
         near = free.far_start(base.fitted) if far else None
         # Beside what explains the data all is nearly linear: fits reach what the looks promise.
         behind = TWIN_NATS if settled else 2 * TWIN_NATS
-        best = now if self.explains(base) else -np.inf
+        best = now if self.suffices(base) else -np.inf
         # Near the data the looks say which effects deserve a fit, and few do; all else must follow each of
         # them. With modes more deserve one beside what explains nothing.
         few = not far and (settled or self.fits.ranking.precise_looks)
@@ -609,7 +610,7 @@ class Search(Generic[P]):
         nearly as probable are fitted fully: they are its credible set. With another effect in the place of
         one, a third may not be needed any more.
         """
-        result, free, anywhere = h.fitted, self.fits.free(h), not self.explains(h)
+        result, free, anywhere = h.fitted, self.fits.free(h), not self.suffices(h)
         others: list[tuple[Sequence[Effect], Values]] = []
         for e in h.effects:
             rest = tuple(x for x in h.effects if x.name != e.name)
@@ -971,6 +972,12 @@ class Search(Generic[P]):
     def explains(self, best: ScoredFit) -> bool:
         """Whether a hypothesis is more probable than what the library does not have."""
         return self.unknown(best) < best.score
+
+    def suffices(self, h: ScoredFit) -> bool:
+        """Whether a hypothesis leaves no more than right models usually do: a search may end at it."""
+        if self._usual is None or self._usual[0] is not self.fits.problem:
+            self._usual = self.fits.problem, self.fits.problem.usual_squares()
+        return h.fitted.gain_to(self._usual[1]) < UNKNOWN_ODDS
 
     def unknown(self, best: ScoredFit) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
