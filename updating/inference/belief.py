@@ -54,7 +54,7 @@ RARE = 0.01
 DISCREPANCY_MAX = 0.5
 """Level that a right model of beams may leave beyond noise, in parts of the study's ``model_error`` [-]."""
 DISCREPANCY_USUAL = 0.15
-"""Level beyond noise below which 19 of 20 right models stay, in parts of the study's ``model_error`` [-]. What
-leaves more may yet be right, but a search goes on from it."""
+"""Level beyond noise below which 19 of 20 right models stay, in parts of the study's ``model_error`` [-].
+What leaves more may yet be right, but a search goes on from it."""
 DISCREPANCY_MIN = 0.05
 """Level that beams leave of any structure in any case, in parts of the study's ``model_error`` [-]."""
