@@ -47,6 +47,7 @@ COMMANDS = {
     "match": "find where the points of a test's geometry lie on the model, with units and axes",
     "update": "update uncertain parameters to measured modes or FRFs, with their uncertainty",
     "identify-joint": "fit a joint to the measured FRFs, with its uncertainty, and propose it to the model",
+    "learn": "learn how far the form of frames is off, from frames that lack nothing",
     "fleet": "compare many units of one structure: their population, and which units are not of it",
 }
 """What each does, in the order of the help. Its module in `dovetail.commands` is imported when it is chosen:
@@ -56,8 +57,8 @@ if there are some."""
 ALIASES = {"desk": "open"}
 """Commands by their other names."""
 
-WITHOUT_STUDY = ("new", "frf-estimate", "report")
-WITHOUT_TABLES = (*WITHOUT_STUDY, "open", "run", "export", "identify-joint")
+WITHOUT_STUDY = ("new", "frf-estimate", "report", "learn")
+WITHOUT_TABLES = ("new", "frf-estimate", "report", "open", "run", "export", "identify-joint")
 
 OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE, None)
 """Errors of files that the user's input has not caused: a full disk, a reader that has gone."""

@@ -51,7 +51,7 @@ CONNECTIONS_POWER = "power of the frequency in that ratio"
 GAIN_ERROR, TURNED, SHIFTED = "gain too large by", "turned towards", "shifted along"
 """Errors of channels in words."""
 CHANNEL_UNITS = "-", "rad", "rad", "m", "m"
-_FORM = {
+FORM_QUANTITIES = {
     "u": "stiffness",
     "plane": "stiffness in its plane",
     "mass": "mass",
@@ -132,7 +132,7 @@ def uncertain_words(name: str, unit: str, form_of: str) -> str:
     """Return the name of an uncertain parameter in words; arguments as of :class:`UncertainValue`."""
     effect, _, parameter = name.partition(".")
     if form_of:
-        names = _FORM if unit == "-" else ADDED
+        names = FORM_QUANTITIES if unit == "-" else ADDED
         return f"{form_of}: {names.get(parameter, parameter)}"
     if not parameter or " " in effect:
         return name
@@ -145,7 +145,7 @@ def form_words(parameters: Iterable[Parameter]) -> str:
     groups: dict[str, list[str]] = {}
     for p in parameters:
         logarithm = "logarithms of factors" if p.name in LOGARITHMS else "relative changes"
-        words = (_FORM if p.unit == "-" else ADDED).get(p.name, p.name)
+        words = (FORM_QUANTITIES if p.unit == "-" else ADDED).get(p.name, p.name)
         named = p.name if words == p.name else f"{p.name} ({words})"
         groups.setdefault(logarithm if p.unit == "-" else f"added [{p.unit}]", []).append(named)
     return "; ".join(f"{what}: {', '.join(names)}" for what, names in groups.items())

@@ -222,7 +222,7 @@ class SectionTolerance:
 
 @dataclass(frozen=True, slots=True)
 class PriorBelief:
-    """What is believed of missing effects before a test.
+    """What is believed of missing effects, and of the form, before a test.
 
     Attributes
     ----------
@@ -230,7 +230,11 @@ class PriorBelief:
         Probability that something is missing; as usual for None [-].
     weights : mapping of str to float
         How many times as probable as usual effects of a kind are, beside others at their place [-].
+    form : mapping of str to mapping of str to (float, float)
+        Mean and standard deviation of parameters of the form, by place (section, corner, joint, clamp) and
+        name; as usual for others [unit of the parameter].
     """
 
     missing: float | None = None
     weights: Mapping[str, float] = field(default_factory=dict)
+    form: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)

@@ -71,7 +71,7 @@ from dovetail.file.settings import (
     read_candidates,
     read_frequency,
     read_relevant,
-    read_tolerances,
+    with_stated_form,
 )
 from dovetail.file.suspicions import LazyComparison, suspicions
 from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable, with_unknown_keys
@@ -410,8 +410,7 @@ class _Reader:
         more = (*parts.connections, *superelements, *parts.masses, *connection_damping, *flat)
         kinds, exclude, environment, belief = read_candidates(top)
         model = self._model(mesh, (*parts.frame, *more), damping, groups, notes).in_environment(*environment)
-        tolerances = read_tolerances(top, model, form=fit.model_error > 0)
-        model = model.with_tolerances(*tolerances).with_belief(belief)
+        model = with_stated_form(top, model.with_belief(belief), self.path.parent, form=fit.model_error > 0)
         with top.at("excitations"):
             driven = with_moving_base(model, groups[1])
 

@@ -17,7 +17,7 @@ from dovetail.file.settings import (
     read_candidates,
     read_frequency,
     read_relevant,
-    read_tolerances,
+    with_stated_form,
 )
 from dovetail.file.table import Source, StudyTable
 from dovetail.file.uncertain import read_uncertain, with_shear
@@ -85,7 +85,7 @@ def contents_of_model(
     frequency, highest = read_frequency(top, highest, notes)
     kinds, exclude, environment, belief = read_candidates(top)
     model = with_shear(top, model).in_environment(*environment)
-    model = model.with_tolerances(*read_tolerances(top, model, form=fit.model_error > 0)).with_belief(belief)
+    model = with_stated_form(top, model.with_belief(belief), Path(), form=fit.model_error > 0)
     for group in ends:
         sensor_rows(model, [s for s in group if not s.moves_base])
     errors = read_channel_errors(top, ends[0], ends[1])

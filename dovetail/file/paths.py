@@ -28,6 +28,7 @@ FILES: dict[tuple[str, ...], str] = {
     ("superelements", "node_sets"): "the node sets of a part",
     ("superelements", "mesh"): "the mesh of a part",
     ("damping", "file"): "the modes that give the damping",
+    ("form", "file"): "what was learned of the form",
     ("modes", "file"): "the measured modes",
     ("ambient", "file"): "the record of an ambient test",
     ("baseline", "file"): "the modes of the baseline",

@@ -1,17 +1,21 @@
 """Read the settings of analyses: ``[fit]``, ``[form]``, ``[relevant]``, ``[frequency]``, ``[candidates]``."""
 
+import tomllib
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 
-from dovetail.file.table import StudyTable, suggest
+from dovetail.file.lines import key_lines
+from dovetail.file.table import Source, StudyTable, suggest
 from fem.declarations import Environment, PriorBelief, Relevant, SectionTolerance
 from fem.effects import candidate_kinds
 from fem.effects.places import frame_of
 from fem.model import Model
 from fem.sections.tolerance import constants_std
 from updating.inference.defaults import EXPLAINED_LEVEL
+from updating.inference.form import USUAL_FORM
 
 DEFAULT_FREQUENCY = 1000.0
 """Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""
@@ -38,14 +42,40 @@ def read_model_error(fit: StudyTable) -> float:
     return 0.0
 
 
-def read_tolerances(top: StudyTable, model: Model, *, form: bool) -> list[SectionTolerance]:
-    """Read ``[form]``: how well sections are known, of all members and of some, if their ``form`` varies."""
+def with_stated_form(top: StudyTable, model: Model, folder: Path, *, form: bool) -> Model:
+    """Return a model with what ``[form]`` states, if its ``form`` varies; files are in a folder.
+
+    How well sections are known, of all members and of some, and what was learned from other frames.
+    """
     t = top.table("form")
     if t.values and not form:
         t.refuse("", "[fit] says that sections are as drawn: nothing of them is uncertain")
+    file = t.text("file", None)
+    if file is not None:
+        with t.at("file"):
+            model = model.with_belief(replace(model.belief, form=_read_learned(folder / file)))
     parts = t.tables("parts")
     out = [_tolerance(t, model), *(_tolerance(part, model, part.texts("members")) for part in parts)]
-    return [tolerance for tolerance in out if tolerance.size is not None or tolerance.shares]
+    return model.with_tolerances(*(t for t in out if t.size is not None or t.shares))
+
+
+def _read_learned(path: Path) -> dict[str, dict[str, tuple[float, float]]]:
+    """Read what was learned of the form: means and standard deviations by place and parameter."""
+    text = path.read_text(encoding="utf-8")
+    top = StudyTable(Source(path.name, key_lines(text)), (), tomllib.loads(text))
+    out: dict[str, dict[str, tuple[float, float]]] = {}
+    for place, known in USUAL_FORM.items():
+        t = top.table(place)
+        pairs = {key: t.vector(key, None, size=2, unit="-") for key in known}
+        t.finish()
+        out[place] = {
+            key: (float(pair[0]), float(pair[1])) for key, pair in pairs.items() if pair is not None
+        }
+        for key, (_, std) in out[place].items():
+            if std <= 0:
+                t.refuse(key, f"{std:g} is not allowed as a standard deviation; a positive number is needed")
+    top.finish()
+    return out
 
 
 def _tolerance(t: StudyTable, model: Model, members: Sequence[str] = ()) -> SectionTolerance:

@@ -34,8 +34,7 @@ from dovetail.report import (
 )
 from dovetail.report.found_lines import found_lines
 from dovetail.report.sections import rounds, uncertain
-from dovetail.result import _FORM as FORM_WORDS
-from dovetail.result import UncertainValue, diagnosis_dict, result_dict
+from dovetail.result import FORM_QUANTITIES, UncertainValue, diagnosis_dict, result_dict
 from fem import Parameter
 from fem.effects import effect_classes
 from tests.frames import STUDY, cross_beam, portal
@@ -605,7 +604,7 @@ def test_every_statement_has_fields_that_a_report_knows():
 
 
 def test_every_parameter_of_the_form_has_a_name():
-    assert (FORM_CLAMP | FORM_CORNER | FORM_JOINT | FORM_SECTION).keys() <= FORM_WORDS.keys()
+    assert (FORM_CLAMP | FORM_CORNER | FORM_JOINT | FORM_SECTION).keys() <= FORM_QUANTITIES.keys()
 
 
 def test_names_with_commas_are_whole_in_sentences():

@@ -20,6 +20,13 @@ FORMS = SectionForm, ZoneForm, ClampForm
 TEST_FORMS = SensorForm, DriverForm
 Usual = dict[str, tuple[float, float]]
 """Mean and standard deviation of parameters by name [unit of the parameter]."""
+USUAL_FORM: dict[str, Usual] = {
+    "section": {key: (0.0, std) for key, std in FORM_SECTION.items()},
+    "corner": FORM_CORNER,
+    "joint": FORM_JOINT,
+    "clamp": FORM_CLAMP,
+}
+"""What is believed of parts of the form by their place, unless a study says otherwise."""
 
 
 def form_of(
@@ -44,21 +51,27 @@ def form_of(
     return tuple(e for e, _ in chosen if e not in known.values()), tuple(varied)
 
 
-def _usual(model: Model, form: Effect) -> Usual:
-    """Return what is known of a part of the form: a section as the model states, all else as usual."""
-    if isinstance(form, ClampForm):
-        return FORM_CLAMP
+def place_of(form: Effect) -> str:
+    """Return where in a frame a part of its form is: section, clamp, joint or corner."""
     if isinstance(form, ZoneForm):
-        return FORM_JOINT if form.around else FORM_CORNER
-    assert isinstance(form, SectionForm)
+        return "joint" if form.around else "corner"
+    return "clamp" if isinstance(form, ClampForm) else "section"
+
+
+def _usual(model: Model, form: Effect) -> Usual:
+    """Return what is known of a part of the form: as stated, as learned from other frames, or as usual."""
+    place = place_of(form)
+    known = {**USUAL_FORM[place], **model.belief.form.get(place, {})}
+    if not isinstance(form, SectionForm):
+        return known
     member = form.members[0]
     section, stated = form.frame.members[member].section, model.tolerances_of(member)
-    std = dict(FORM_SECTION)
+    std: dict[str, float] = {}
     for tolerance in stated:
         std |= constants_std(tolerance, section)
     for tolerance in stated:  # what is measured counts before what follows from sizes
         std |= tolerance.shares
-    return {key: (0.0, value) for key, value in std.items()}
+    return known | {key: (0.0, value) for key, value in std.items()}
 
 
 def with_form(model: Model, model_error: float, measurement: Measurement | None = None) -> Model:
