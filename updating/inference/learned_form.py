@@ -26,7 +26,10 @@ COMMON = 0.5
 WIDTH = 0.7
 """Standard deviation of the logarithm of how much they differ [-]."""
 AROUND = np.linspace(-3.0, 3.0, 13)
-"""Means and logarithms of spreads that are summed over, in their standard deviations before any frame [-]."""
+"""Means and logarithms of spreads that are summed over: distances from the most probable in standard deviations
+[-]."""
+STEP = 0.02
+"""Step of second differences, in standard deviations before any frame [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,15 +118,21 @@ def learned(
     if not chosen:
         return {}
     best = minimize(cost, np.zeros(2 * len(chosen)), method="L-BFGS-B").x.reshape(2, -1)
+
+    def near(i: int, of_mean: float, of_spread: float) -> tuple[float, tuple[float, float]]:
+        """Return the cost, and mean and spread, of a kind at distances from its most probable."""
+        z = best.copy()
+        z[:, i] += of_mean, of_spread
+        return cost(z.ravel()), priors(z)[chosen[i]]
+
     out = {}
     for i, kind in enumerate(chosen):
-        costs, pairs = [], []
-        for mean in AROUND:
-            for log_std in AROUND:
-                z = best.copy()
-                z[:, i] = mean, log_std
-                costs.append(cost(z.ravel()))
-                pairs.append(priors(z)[kind])
+        wide = [
+            STEP / np.sqrt(max(near(i, *off)[0] + near(i, *-off)[0] - 2 * near(i, 0, 0)[0], STEP**2))
+            for off in STEP * np.eye(2)
+        ]
+        each = [near(i, wide[0] * a, wide[1] * b) for a in AROUND for b in AROUND]
+        costs, pairs = zip(*each, strict=True)
         weight = np.exp(min(costs) - np.array(costs))
         mean, std = np.array(pairs).T
         average = float(weight @ mean / weight.sum())
