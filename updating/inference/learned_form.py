@@ -26,8 +26,7 @@ COMMON = 0.5
 WIDTH = 0.7
 """Standard deviation of the logarithm of how much they differ [-]."""
 AROUND = np.linspace(-3.0, 3.0, 13)
-"""Means and logarithms of spreads that are summed over: distances from the most probable in standard deviations
-[-]."""
+"""Distances from the most probable mean and spread that are summed over, in standard deviations [-]."""
 STEP = 0.02
 """Step of second differences, in standard deviations before any frame [-]."""
 
