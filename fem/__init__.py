@@ -70,14 +70,14 @@ if TYPE_CHECKING:
     from fem.analysis.response_spectrum import solve_spectrum as solve_spectrum
     from fem.analysis.second_order import SecondOrder as SecondOrder
     from fem.analysis.second_order import solve_second_order as solve_second_order
-    from fem.analysis.section_stress import SectionStresses as SectionStresses
-    from fem.analysis.section_stress import section_stresses as section_stresses
     from fem.analysis.selection import dof_vectors as dof_vectors
     from fem.analysis.shock_spectrum import pseudo_acceleration_spectrum as pseudo_acceleration_spectrum
     from fem.analysis.shock_spectrum import shock_response_spectrum as shock_response_spectrum
     from fem.analysis.static_cases import StaticCases as StaticCases
     from fem.analysis.statics import StaticSolution as StaticSolution
     from fem.analysis.statics import solve_static as solve_static
+    from fem.analysis.stations import SectionStresses as SectionStresses
+    from fem.analysis.stations import section_stresses as section_stresses
     from fem.analysis.tabulated import Tabulated as Tabulated
     from fem.analysis.transient import solve_transient as solve_transient
     from fem.analysis.unbalance import Unbalance as Unbalance

@@ -47,10 +47,12 @@ if TYPE_CHECKING:
     from joint.interface import partition_frf as partition_frf
     from joint.interface import stack_joints as stack_joints
     from joint.interface import stack_substructures as stack_substructures
+    from joint.joint_fit import Identifiability as Identifiability
     from joint.joint_fit import JointFit as JointFit
     from joint.output_error import fit_joint as fit_joint
     from joint.parts import FixedParts as FixedParts
     from joint.parts import ModelParts as ModelParts
+    from joint.parts import ReleasedParts as ReleasedParts
     from joint.parts import Uncertain as Uncertain
     from joint.physics import LawFit as LawFit
     from joint.physics import StiffnessLaw as StiffnessLaw
@@ -59,20 +61,18 @@ if TYPE_CHECKING:
     from joint.relative import RelativeJoint as RelativeJoint
     from joint.relative import relative_coordinates as relative_coordinates
     from joint.relative import relative_joint as relative_joint
-    from joint.released import ReleasedParts as ReleasedParts
+    from joint.substructuring import AssemblyFRF as AssemblyFRF
     from joint.substructuring import Regularisation as Regularisation
     from joint.substructuring import RegularisationCurve as RegularisationCurve
     from joint.substructuring import Substructured as Substructured
     from joint.substructuring import SubstructuringError as SubstructuringError
+    from joint.substructuring import couple as couple
     from joint.substructuring import couple_frf as couple_frf
+    from joint.substructuring import decouple as decouple
     from joint.substructuring import decouple_frf as decouple_frf
     from joint.substructuring import interface_problem as interface_problem
     from joint.substructuring import invert_substructure as invert_substructure
+    from joint.substructuring import joint_impedance as joint_impedance
     from joint.substructuring import l_curve as l_curve
-    from joint.synthesis import AssemblyFRF as AssemblyFRF
-    from joint.synthesis import couple as couple
-    from joint.synthesis import decouple as decouple
-    from joint.synthesis import joint_impedance as joint_impedance
-    from joint.uncertainty import Identifiability as Identifiability
 else:
     __getattr__, __dir__ = names_on_use(__name__)

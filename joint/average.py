@@ -20,7 +20,7 @@ from joint.identification import (
     scaled_problem,
 )
 from joint.interface import CoordinateSet, SubstructureFRF
-from joint.synthesis import couple
+from joint.substructuring import couple
 
 MISFIT_LIMIT = 0.5
 """Part of C = H_aa - H_nn that constant matrices may leave unexplained; beyond it they are refused [-]."""

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from fem.lazy import names_on_use
 
 if TYPE_CHECKING:
-    from viz.ambient import plot_ambient as plot_ambient
     from viz.animation import animate_mode as animate_mode
     from viz.bands import plot_bands as plot_bands
     from viz.chart import Chart as Chart
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from viz.indicators import sensitivity as sensitivity
     from viz.joints import plot_stiffness_entries as plot_stiffness_entries
     from viz.joints import plot_stiffness_laws as plot_stiffness_laws
+    from viz.modal import plot_ambient as plot_ambient
     from viz.modal import plot_stabilisation as plot_stabilisation
     from viz.modal import plot_synthesis as plot_synthesis
     from viz.models import displacement_at as displacement_at

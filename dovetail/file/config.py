@@ -51,7 +51,6 @@ from dovetail.file.measured_modes import (
     read_shape_limits,
     read_states,
 )
-from dovetail.file.mode_suspicions import mode_suspicions
 from dovetail.file.parts import (
     note_one_sided,
     note_shear_centres,
@@ -73,7 +72,7 @@ from dovetail.file.settings import (
     read_relevant,
     read_tolerances,
 )
-from dovetail.file.suspicions import LazyComparison, suspicions
+from dovetail.file.suspicions import LazyComparison, mode_suspicions, suspicions
 from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable, with_unknown_keys
 from dovetail.file.uncertain import mode_std, read_uncertain, with_shear
 from fem.analysis.frf import WITHOUT_PHASE

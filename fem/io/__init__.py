@@ -37,7 +37,10 @@ if TYPE_CHECKING:
     from fem.io.frame_model import read_model as read_model
     from fem.io.frame_of_model import ModelDeck as ModelDeck
     from fem.io.frame_of_model import deck_of as deck_of
+    from fem.io.frf_files import UFF_SUFFIXES as UFF_SUFFIXES
+    from fem.io.frf_files import read_frf as read_frf
     from fem.io.frf_files import read_frfs as read_frfs
+    from fem.io.frf_files import read_modes as read_modes
     from fem.io.frf_reading import Asked as Asked
     from fem.io.matrices import matrices_of as matrices_of
     from fem.io.matrices import read_calculix as read_calculix
@@ -45,11 +48,8 @@ if TYPE_CHECKING:
     from fem.io.matrices import write_matrices as write_matrices
     from fem.io.meshfile import read_mesh as read_mesh
     from fem.io.meshfile import write_mesh as write_mesh
+    from fem.io.meshio_mesh import read_part_faces as read_part_faces
     from fem.io.nastran_write import nastran_text as nastran_text
-    from fem.io.part_mesh import read_part_faces as read_part_faces
-    from fem.io.reading import UFF_SUFFIXES as UFF_SUFFIXES
-    from fem.io.reading import read_frf as read_frf
-    from fem.io.reading import read_modes as read_modes
     from fem.io.time_data import read_time_data as read_time_data
     from fem.io.uff import UffFile as UffFile
     from fem.io.uff import read_uff as read_uff

@@ -15,8 +15,8 @@ from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.bases import with_responses
+from updating.inference.belief import BASIS_LINES
 from updating.inference.damped import DampedFrfs, continuation_of
-from updating.inference.defaults import BASIS_LINES
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult
@@ -29,7 +29,7 @@ from updating.inference.mode_fit import ComputedModes
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.problem import Problem
 from updating.inference.scatter import form_scatter
-from updating.least_squares.loss import pseudo_huber
+from updating.least_squares.costs import pseudo_huber
 from updating.measurement.measurement import Measurement
 
 

@@ -14,9 +14,9 @@ from fem.model import Effect, parameter_values
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.terms import ReducedTerm
 from updating.correlation import complex_log
-from updating.inference.defaults import FULL_LINES
+from updating.inference.belief import FULL_LINES
 from updating.inference.fit_result import FitResult
-from updating.inference.residual_changes import ResidualChanges
+from updating.inference.problem import ResidualChanges
 
 VISIBLE = 1e-3
 """Changes of the compared FRFs below this are not seen: the directions measured do not have them [nepers]."""

@@ -20,10 +20,10 @@ from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
 from updating.forecast.information import ExpectedGains, Information
 from updating.forecast.look import Look
-from updating.inference.defaults import EXPLAINED_LEVEL
+from updating.inference.belief import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
-from updating.least_squares.levels import Levels
+from updating.least_squares.costs import Levels
 from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Sensor
 from updating.plan.planned import USUAL_NOISE, as_planned, planned_measurement, usual_discrepancy
