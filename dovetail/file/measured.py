@@ -18,7 +18,7 @@ from fem.io.frf_reading import FORMS, Asked, Reading
 from fem.io.uff import UffFile, read_quietly
 from fem.io.uff_types import Function
 from fem.io.uff_units import FREQUENCY, abscissa_factor
-from updating.inference.belief import MOST_SPLITS
+from updating.inference.defaults import MOST_SPLITS
 from updating.measurement.measurement import at_values_of
 from updating.measurement.noise import noise_from_repeats
 from updating.quality.phase import phase_evidence

@@ -11,7 +11,7 @@ from fem.effects import candidate_kinds
 from fem.effects.places import frame_of
 from fem.model import Model
 from fem.sections.tolerance import constants_std
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 
 DEFAULT_FREQUENCY = 1000.0
 """Highest frequency of interest where neither a measurement nor the study gives one [Hz]."""

@@ -30,7 +30,7 @@ from updating.diagnosis.mode_diagnosis import (
 from updating.diagnosis.mode_table import HALF
 from updating.diagnosis.verdict import CREDIBLE
 from updating.inference.bases import N_BASES
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import fit
 from updating.inference.formed import Formed, formed_mode_problem

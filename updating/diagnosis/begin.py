@@ -7,7 +7,7 @@ from typing import Unpack
 import numpy as np
 
 from fem.model import Model
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, null_fit, scattered, with_form_of_damping

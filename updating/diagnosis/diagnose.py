@@ -48,7 +48,8 @@ from updating.diagnosis.verdict import (
     reason_of,
     verdict_of,
 )
-from updating.inference.belief import EXPLAINED_LEVEL, TWIN_NATS
+from updating.inference.belief import TWIN_NATS
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress, beating

@@ -20,7 +20,7 @@ from updating.diagnosis.mode_diagnosis import (
     searched_modes,
 )
 from updating.diagnosis.states import change_since
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.formed import formed_mode_problem
 from updating.inference.heartbeat import Progress, beating
 from updating.inference.mode_fit import BAD_PRIOR

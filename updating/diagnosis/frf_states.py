@@ -22,7 +22,8 @@ from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.diagnosis import Searched, search_of_problem
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.bases import N_BASES
-from updating.inference.belief import EXPLAINED_LEVEL, UNKNOWN_ODDS
+from updating.inference.belief import UNKNOWN_ODDS
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit import FitProblem
 from updating.inference.fitting import FULL_LINES, fit, with_form_of_damping
 from updating.inference.formed import Formed, formed_problem

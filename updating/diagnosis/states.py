@@ -43,8 +43,9 @@ from updating.diagnosis.mode_diagnosis import (
     searched_modes,
 )
 from updating.diagnosis.mode_table import HALF
-from updating.inference.belief import EXPLAINED_LEVEL, TWIN_NATS
+from updating.inference.belief import TWIN_NATS
 from updating.inference.common_errors import CarriedModes, CommonErrors
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import BAD_PRIOR, FREQUENCY, SHAPE, ModeProblem, matched_modes
 from updating.inference.mode_preparation import build_mode_problem

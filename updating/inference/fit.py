@@ -15,8 +15,8 @@ from fem.model import Effect, ParameterRef, parameter_values
 from fem.reduction.reduced_model import ReducedModel
 from updating.correlation import DB_PER_NEPER, log_ratio
 from updating.inference.bases import with_responses
-from updating.inference.belief import BASIS_LINES
 from updating.inference.damped import DampedFrfs, continuation_of
+from updating.inference.defaults import BASIS_LINES
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST, FitFunction, propagated
 from updating.inference.fit_result import FitResult

@@ -14,7 +14,7 @@ from fem.array_types import Floats
 from fem.model import Effect
 from fem.recent import Unsent
 from fem.reduction.reduced_model import ReducedModel
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
 from updating.inference.parameters import DampingCurve

@@ -10,7 +10,7 @@ import numpy as np
 from fem.array_types import Floats, Ints
 from fem.linalg.solvers import one_thread
 from fem.model import Effect, parameter_values
-from updating.inference.belief import BASIS_LINES, FULL_LINES
+from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Unpack
 
 from fem.model import Model
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.fit import FitProblem
 from updating.inference.form import form_of
 from updating.inference.mode_fit import ModeProblem

@@ -14,7 +14,7 @@ from fem.model import Effect, parameter_values
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.terms import ReducedTerm
 from updating.correlation import complex_log
-from updating.inference.belief import FULL_LINES
+from updating.inference.defaults import FULL_LINES
 from updating.inference.fit_result import FitResult
 from updating.inference.problem import ResidualChanges
 

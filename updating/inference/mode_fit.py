@@ -18,8 +18,9 @@ from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import ReducedTerm
 from fem.system import assemble
 from updating.inference.bases import BASIS_SHARE
-from updating.inference.belief import BASIS_LINES, DISCREPANCY_MAX, EXPLAINED_LEVEL, FORM_DAMPING
+from updating.inference.belief import DISCREPANCY_MAX, FORM_DAMPING
 from updating.inference.common_errors import CarriedModes, CommonErrors
+from updating.inference.defaults import BASIS_LINES, EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.fit_function import Errors, FitFunction, propagated
 from updating.inference.fit_result import FitResult, fitted_model

@@ -11,7 +11,7 @@ from fem.linalg.solvers import one_thread
 from fem.model import Model
 from fem.reduction.reduced_model import reduce_model
 from fem.system import assemble
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.mode_fit import ModeProblem
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.parameters import DampingCurve

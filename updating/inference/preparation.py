@@ -19,7 +19,7 @@ from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model, values_of
 from updating.correlation import DB_PER_NEPER, log_ratio, rms_db
 from updating.inference.bases import direct_responses
-from updating.inference.belief import EXPLAINED_LEVEL, MOST_SPLITS
+from updating.inference.defaults import EXPLAINED_LEVEL, MOST_SPLITS
 from updating.inference.fit import FitProblem
 from updating.inference.fit_data import NOISE_LIMIT, FitData, ends_of, prepare, sensor_vectors
 from updating.inference.fit_result import FitResult, fitted_model

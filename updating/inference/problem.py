@@ -14,8 +14,8 @@ from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Effect
 from fem.reduction.reduced_model import ReducedModel
 from fem.reduction.terms import ReducedTerm
-from updating.inference.belief import BASIS_LINES, FULL_LINES
 from updating.inference.damped import DampedFrfs
+from updating.inference.defaults import BASIS_LINES, FULL_LINES
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_inputs import D, FitInputs
 from updating.inference.fit_result import FitResult

@@ -19,7 +19,8 @@ from fem.model import Contribution, Effect, Model
 from fem.reduction.deviations import Deviations
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.system import mass_forces
-from updating.inference.belief import FORM_DAMPING, FORM_MODES, FULL_LINES
+from updating.inference.belief import FORM_DAMPING, FORM_MODES
+from updating.inference.defaults import FULL_LINES
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import ChannelScatter, FormScatter
 from updating.inference.frf_function import FrfFunction

@@ -22,7 +22,7 @@ from fem.array_types import Floats
 from fem.linalg.solvers import one_thread
 from fem.model import Model, ModelError
 from updating.inference.arrays import Places, frf_data, mode_data
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.determined import blind_directions, taking_part
 from updating.inference.fit_function import FitFunction
 from updating.inference.fit_result import FitResult

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from fem.array_types import Floats
-from updating.inference.belief import FULL_LINES
+from updating.inference.defaults import FULL_LINES
 
 
 @dataclass(frozen=True, slots=True, eq=False)

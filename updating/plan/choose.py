@@ -20,7 +20,7 @@ from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
 from updating.forecast.information import ExpectedGains, Information
 from updating.forecast.look import Look
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
 from updating.least_squares.costs import Levels

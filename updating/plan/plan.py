@@ -13,7 +13,7 @@ from fem.model import Effect, Model, ParameterRef
 from updating.diagnosis.evidence.diagnosis import Searched, prepare_search
 from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.forecast.grid import distance
-from updating.inference.belief import EXPLAINED_LEVEL
+from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress
 from updating.inference.parameters import Nuisance
 from updating.measurement.measurement import Measurement

@@ -44,7 +44,8 @@ from updating.diagnosis.evidence.ranking import MOST_GRIDS, RankedBlocks, Rankin
 from updating.diagnosis.evidence.scan import Scanned
 from updating.diagnosis.findings import labels
 from updating.forecast.forecast import EffectEstimate
-from updating.inference.belief import FULL_LINES, TWIN_NATS, UNKNOWN_ODDS
+from updating.inference.belief import TWIN_NATS, UNKNOWN_ODDS
+from updating.inference.defaults import FULL_LINES
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Lasting
