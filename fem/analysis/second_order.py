@@ -173,9 +173,8 @@ def _factor(
         )
         raise ModelError(msg)
     msg = (
-        f"load case '{case.name}' makes the structure buckle at {least:.4g} times its size: "
-        "second-order displacements exist for factors above 1 only; reduce the load or stiffen the "
-        "structure"
+        f"load case '{case.name}' makes the structure buckle at {least:.4g} times its size: second-order "
+        "displacements exist for factors above 1 only; reduce the load or stiffen the structure"
     )
     raise ModelError(msg)
 

@@ -210,8 +210,7 @@ def _check_bars(layout: Layout, mesh: Mesh) -> None:
         if loose.size:
             msg = (
                 f"bar '{_member(mesh, loose[0])}' has an offset and {count[of[loose[0]]]} elements; nothing "
-                "keeps the points between them from turning about its axis: give it one element, or no "
-                "offset"
+                "keeps the points between them from turning about its axis: give it one element, or no offset"
             )
             raise ModelError(msg)
 
