@@ -24,7 +24,7 @@ from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
 from updating.diagnosis.frf_modes import modes_in, with_more_sensors
 from updating.inference.fitted_damping import fitted_damping
-from updating.inference.update_run import update_fitted
+from updating.inference.update import update_fitted
 from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, sensor_rows, with_resting_base
 from updating.modal.identified_modes import IdentifiedModes

@@ -14,9 +14,9 @@ def names_on_use(package: str) -> tuple[Callable[[str], Any], Callable[[], list[
     """Return ``__getattr__`` and ``__dir__`` of a package (PEP 562), so that importing it imports little.
 
     The names are those that the package imports under ``if TYPE_CHECKING:``. Type checkers and the import
-    contracts read the same lines, and ``__all__`` is these names unless the package gives its own, which type
-    checkers of other projects and the reference pages read. Submodules are attributes too, as they are where
-    a package imports all of them.
+    contracts read the same lines, and ``__all__`` is these names with the package's functions. Type checkers
+    of other projects and the reference pages read which names are imported as themselves. Submodules are
+    attributes too, as they are where a package imports all of them.
 
     Parameters
     ----------
@@ -38,7 +38,8 @@ def names_on_use(package: str) -> tuple[Callable[[str], Any], Callable[[], list[
 
     def getattribute(name: str) -> Any:
         if name == "__all__":
-            return list(modules())
+            functions = inspect.getmembers(module, inspect.isfunction)
+            return [*modules(), *(n for n, f in functions if f.__module__ == package and n[0] != "_")]
         if not name.startswith("__"):
             if source := modules().get(name):
                 value = getattr(import_module(source), name)

@@ -23,103 +23,56 @@ from typing import TYPE_CHECKING
 from fem.lazy import names_on_use
 
 if TYPE_CHECKING:
-    from joint.average import AverageIdentification, identify_average
-    from joint.expansion import (
-        ExpandedFRF,
-        ExpansionError,
-        expand_semm,
-        expand_serep,
-        rigid_rows,
-        virtual_point,
-    )
-    from joint.form import FormError, JointForm, full_form, relative_form, with_masses
-    from joint.identification import (
-        JointIdentification,
-        JointIdentificationError,
-        characteristic_length,
-        identify_joint,
-    )
-    from joint.interface import (
-        CoordinateSet,
-        Interface,
-        SubstructureFRF,
-        coordinates_of,
-        partition_frf,
-        stack_joints,
-        stack_substructures,
-    )
-    from joint.joint_fit import JointFit
-    from joint.output_error import fit_joint
-    from joint.parts import FixedParts, ModelParts, Uncertain
-    from joint.physics import LawFit, StiffnessLaw, effects_of, explain_stiffness
-    from joint.relative import RelativeJoint, relative_coordinates, relative_joint
-    from joint.released import ReleasedParts
-    from joint.substructuring import (
-        Regularisation,
-        RegularisationCurve,
-        Substructured,
-        SubstructuringError,
-        couple_frf,
-        decouple_frf,
-        interface_problem,
-        invert_substructure,
-        l_curve,
-    )
-    from joint.synthesis import AssemblyFRF, couple, decouple, joint_impedance
-    from joint.uncertainty import Identifiability
+    from joint.average import AverageIdentification as AverageIdentification
+    from joint.average import identify_average as identify_average
+    from joint.expansion import ExpandedFRF as ExpandedFRF
+    from joint.expansion import ExpansionError as ExpansionError
+    from joint.expansion import expand_semm as expand_semm
+    from joint.expansion import expand_serep as expand_serep
+    from joint.expansion import rigid_rows as rigid_rows
+    from joint.expansion import virtual_point as virtual_point
+    from joint.form import FormError as FormError
+    from joint.form import JointForm as JointForm
+    from joint.form import full_form as full_form
+    from joint.form import relative_form as relative_form
+    from joint.form import with_masses as with_masses
+    from joint.identification import JointIdentification as JointIdentification
+    from joint.identification import JointIdentificationError as JointIdentificationError
+    from joint.identification import characteristic_length as characteristic_length
+    from joint.identification import identify_joint as identify_joint
+    from joint.interface import CoordinateSet as CoordinateSet
+    from joint.interface import Interface as Interface
+    from joint.interface import SubstructureFRF as SubstructureFRF
+    from joint.interface import coordinates_of as coordinates_of
+    from joint.interface import partition_frf as partition_frf
+    from joint.interface import stack_joints as stack_joints
+    from joint.interface import stack_substructures as stack_substructures
+    from joint.joint_fit import Identifiability as Identifiability
+    from joint.joint_fit import JointFit as JointFit
+    from joint.output_error import fit_joint as fit_joint
+    from joint.parts import FixedParts as FixedParts
+    from joint.parts import ModelParts as ModelParts
+    from joint.parts import ReleasedParts as ReleasedParts
+    from joint.parts import Uncertain as Uncertain
+    from joint.physics import LawFit as LawFit
+    from joint.physics import StiffnessLaw as StiffnessLaw
+    from joint.physics import effects_of as effects_of
+    from joint.physics import explain_stiffness as explain_stiffness
+    from joint.relative import RelativeJoint as RelativeJoint
+    from joint.relative import relative_coordinates as relative_coordinates
+    from joint.relative import relative_joint as relative_joint
+    from joint.substructuring import AssemblyFRF as AssemblyFRF
+    from joint.substructuring import Regularisation as Regularisation
+    from joint.substructuring import RegularisationCurve as RegularisationCurve
+    from joint.substructuring import Substructured as Substructured
+    from joint.substructuring import SubstructuringError as SubstructuringError
+    from joint.substructuring import couple as couple
+    from joint.substructuring import couple_frf as couple_frf
+    from joint.substructuring import decouple as decouple
+    from joint.substructuring import decouple_frf as decouple_frf
+    from joint.substructuring import interface_problem as interface_problem
+    from joint.substructuring import invert_substructure as invert_substructure
+    from joint.substructuring import joint_impedance as joint_impedance
+    from joint.substructuring import l_curve as l_curve
 else:
     __getattr__, __dir__ = names_on_use(__name__)
-
-__all__ = [
-    "AssemblyFRF",
-    "AverageIdentification",
-    "CoordinateSet",
-    "ExpandedFRF",
-    "ExpansionError",
-    "FixedParts",
-    "FormError",
-    "Identifiability",
-    "Interface",
-    "JointFit",
-    "JointForm",
-    "JointIdentification",
-    "JointIdentificationError",
-    "LawFit",
-    "ModelParts",
-    "Regularisation",
-    "RegularisationCurve",
-    "RelativeJoint",
-    "ReleasedParts",
-    "StiffnessLaw",
-    "SubstructureFRF",
-    "Substructured",
-    "SubstructuringError",
-    "Uncertain",
-    "characteristic_length",
-    "coordinates_of",
-    "couple",
-    "couple_frf",
-    "decouple",
-    "decouple_frf",
-    "effects_of",
-    "expand_semm",
-    "expand_serep",
-    "explain_stiffness",
-    "fit_joint",
-    "full_form",
-    "identify_average",
-    "identify_joint",
-    "interface_problem",
-    "invert_substructure",
-    "joint_impedance",
-    "l_curve",
-    "partition_frf",
-    "relative_coordinates",
-    "relative_form",
-    "relative_joint",
-    "rigid_rows",
-    "stack_joints",
-    "stack_substructures",
-    "virtual_point",
-    "with_masses",
-]

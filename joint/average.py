@@ -20,7 +20,7 @@ from joint.identification import (
     scaled_problem,
 )
 from joint.interface import CoordinateSet, SubstructureFRF
-from joint.synthesis import couple
+from joint.substructuring import couple
 
 MISFIT_LIMIT = 0.5
 """Part of C = H_aa - H_nn that constant matrices may leave unexplained; beyond it they are refused [-]."""
@@ -172,9 +172,8 @@ def identify_average(
     if not misfit <= misfit_limit:
         msg = (
             f"constant matrices leave {misfit:.0%} of H_aa - H_nn unexplained, and {misfit_limit:.0%} is "
-            "allowed: Z_j is no function K - ω²M + iωC + iD at these coordinates. Joint coordinates "
-            "may be lacking, substructures may be wrong, or the data too noisy; identify_joint solves line "
-            "by line"
+            "allowed: Z_j is no function K - ω²M + iωC + iD at these coordinates. Joint coordinates may be "
+            "lacking, substructures may be wrong, or the data too noisy; identify_joint solves line by line"
         )
         raise JointIdentificationError(msg)
     return AverageIdentification(

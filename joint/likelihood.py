@@ -14,7 +14,7 @@ from joint._checks import checked_noise, solve_lines
 from joint.form import JointForm
 from joint.interface import SubstructureFRF
 from joint.parts import Parts, ReceptanceBlocks
-from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+from updating.least_squares.costs import pseudo_huber, pseudo_huber_weight
 from updating.measurement.noise import relative_noise
 
 _CHUNK = 1 << 18

@@ -13,16 +13,16 @@ from joint._checks import as_frequency, as_lines, check_same_lines
 from joint.form import JointForm
 from joint.identification import JointIdentificationError
 from joint.interface import SubstructureFRF
-from joint.joint_fit import JointFit
-from joint.likelihood import Likelihood, LikelihoodPoint, checked_prior, noise_of
-from joint.parts import FixedParts, Parts
-from joint.uncertainty import (
+from joint.joint_fit import (
     LIKELY,
     Identifiability,
+    JointFit,
     correlation_of,
     stated_covariance,
     weakest_combinations,
 )
+from joint.likelihood import Likelihood, LikelihoodPoint, checked_prior, noise_of
+from joint.parts import FixedParts, Parts
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
 
 SCAN = tuple(10.0 ** (k / 6) for k in range(-18, 19) if k)
@@ -69,7 +69,7 @@ def fit_joint(
     stiffness, mass and damping on the matrices' diagonals positive. The covariance is the inverse of Fisher's
     information (Cramér and Rao's bound), multiplied by chi² where that is above 1, as long as the residual is
     white. The part that neighbouring lines share is an error of the model, which widens the covariance
-    (:func:`joint.uncertainty.stated_covariance`).
+    (:func:`joint.joint_fit.stated_covariance`).
 
     Parameters
     ----------

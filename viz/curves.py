@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 from fem.analysis.frf import FRF
 from fem.array_types import Floats
 from updating.correlation import DB_PER_NEPER
+from updating.measurement.frf_estimation import EstimatedFRF
 from viz import still, style
 from viz.axes import number
 from viz.chart import Axis, Band, Chart, ChartMark, Curve, Panel, Span
+from viz.still import draw
 
 MAGNITUDE, PHASE, LOW, HIGH, COHERENCE = "magnitude", "phase", "low", "high", "coherence"
 """Quantities of a figure's marks: ``meta["quantity"]``, beside the curve's label ``meta["series"]``."""
@@ -402,3 +404,24 @@ def _moving(values: Floats, lines: int) -> Floats:
         return values
     kernel = np.ones(min(lines, values.size))
     return np.convolve(values, kernel, "same") / np.convolve(np.ones(values.size), kernel, "same")
+
+
+# Picture of FRFs that were estimated from time data: amplitude, phase and coherence -------------------------
+
+
+def plot_estimate(
+    estimate: EstimatedFRF, pairs: Sequence[tuple[str, str]] | None = None, title: str = ""
+) -> Figure:
+    """Plot estimated FRFs with their standard deviation, and the coherence below each.
+
+    Parameters
+    ----------
+    estimate : EstimatedFRF
+    pairs : sequence of (output, input), optional
+        FRFs to plot, by label; the first four unless given.
+    title : str
+        Heading.
+    """
+    sigma = estimate.std if np.isfinite(estimate.std).any() else None
+    shown = {"floor": sigma, "coherence": estimate.coherence, "label": "estimated"}
+    return draw([frf(estimate.frf, None, pair, **shown) for pair in frf_pairs(estimate.frf, pairs, 4)], title)

@@ -16,11 +16,11 @@ from fem.array_types import Floats, Ints
 from fem.elements.frame import Frame
 from fem.model import Model
 from viz import style
-from viz.meshes import polydata, wire_mesh
 from viz.models import drawn_size, model_surface
 from viz.overlay import Bar, Label
 from viz.scene import Scene
 from viz.shapes import amplification
+from viz.stage import polydata, wire_mesh
 from viz.surfaces import Surface
 
 POSITIVE, NEGATIVE = "#2c7fb8", "#d95f0e"

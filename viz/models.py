@@ -13,8 +13,7 @@ from fem.elements.part_faces import PartFaces
 from fem.model import Model
 from fem.sections.dimensions import shape_label
 from fem.sections.section import Section
-from viz.surfaces import Surface, extrude, joined
-from viz.triangles import Outlines, circle_of_area
+from viz.surfaces import Outlines, Surface, circle_of_area, extrude, joined
 
 
 def frame_of(model: Model) -> Frame:

@@ -22,7 +22,6 @@ from fem.sections.section import Section
 from updating.measurement.measurement import Sensor
 from viz import style
 from viz.layout import in_order, merge_names, shorten
-from viz.meshes import polydata, wire_mesh
 from viz.models import (
     displacement_at,
     drawn_names,
@@ -46,6 +45,7 @@ from viz.shapes import (
     match_scale,
     real_shape,
 )
+from viz.stage import polydata, wire_mesh
 
 
 def render_model(

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fem.analysis.campbell import Campbell
+from fem.analysis.complex_modes import whirl_name
 from fem.analysis.unbalance import UnbalanceResponse
-from fem.analysis.whirl import whirl_name
 from viz import style
 from viz.axes import legend_above
 from viz.chart import Axis, Chart, Curve, Panel

@@ -26,7 +26,6 @@ from updating.measurement.measurement import Sensor
 from viz import style
 from viz.layout import merge_names
 from viz.markers import COLOURS, OTHER_MARKERS, SHAPES, support_axes
-from viz.meshes import arrow_mesh, polydata, wire_mesh
 from viz.models import surface_places
 from viz.overlay import (
     Bar,
@@ -42,7 +41,7 @@ from viz.overlay import (
     occupied_pixels,
 )
 from viz.shapes import Arrows, arrows, view_axes
-from viz.stage import Actor, Stage, View
+from viz.stage import Actor, Stage, View, arrow_mesh, polydata, wire_mesh
 from viz.surfaces import Surface
 
 DPI = 200

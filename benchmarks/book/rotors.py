@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.book.entry import Problem, Quantity
 from fem import AddedMass, Joint, Material, Section, assemble, solve_campbell, solve_complex_modes
-from fem.analysis.whirl import whirl
+from fem.analysis.complex_modes import whirl
 from fem.effects import Spin
 from tests.frames import beam, fix
 

@@ -110,7 +110,7 @@ def table_of_modes(found: AmbientModes | MergedModes | IdentifiedModes, **qualit
 
 def _draw(path: Path, set_ups: Sequence[AmbientModes], names: Sequence[str]) -> None:
     """Draw each set-up; of several each has its file as heading, and its number in the picture's name."""
-    from viz.ambient import plot_ambient
+    from viz.modal import plot_ambient
     from viz.style import save
 
     for k, (found, name) in enumerate(zip(set_ups, names, strict=True), 1):

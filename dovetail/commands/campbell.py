@@ -14,7 +14,7 @@ from dovetail.disk.output import Progress
 from dovetail.file.rotation import RPM
 from dovetail.report.table import Column, Table, columns_of
 from fem.analysis.campbell import Campbell, solve_campbell
-from fem.analysis.whirl import whirl_name
+from fem.analysis.complex_modes import whirl_name
 
 EXAMPLE = "dovetail campbell study.toml --speeds 0:6000:61 --order 1 --order 2 --picture campbell.png"
 RESULTS = Results(

@@ -11,8 +11,7 @@ from dovetail.commands.results import MOTION_FORMATS, Results
 from dovetail.commands.speed import NO_WHIRL, add_rpm, at_asked_speed
 from dovetail.disk.output import Progress, result_folder
 from dovetail.report.table import Column, Table
-from fem.analysis.complex_modes import solve_complex_modes
-from fem.analysis.whirl import whirl, whirl_name
+from fem.analysis.complex_modes import solve_complex_modes, whirl, whirl_name
 from fem.io import write_modes
 from fem.system import assemble
 from updating.correlation.complexity import modal_phase_collinearity

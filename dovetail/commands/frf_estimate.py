@@ -134,7 +134,7 @@ def run(options: Options, progress: Progress) -> Answer:
     estimate, notes = _estimate(options, records, chosen)
     _write(options.out, estimate)
     if options.picture is not None:
-        from viz.estimation import plot_estimate
+        from viz.curves import plot_estimate
         from viz.style import save
 
         with replacing(options.picture) as scratch:

@@ -20,9 +20,8 @@ from dovetail.study import Study
 from fem.analysis.combinations import envelope
 from fem.analysis.one_sided import one_sided
 from fem.analysis.section_forces import SECTION_FORCES
-from fem.analysis.section_stress import SectionStresses
 from fem.analysis.static_cases import StaticCases
-from fem.analysis.stations import LargestDisplacement
+from fem.analysis.stations import LargestDisplacement, SectionStresses
 from fem.lengths import length_text
 from fem.model import DIRECTIONS
 

@@ -17,7 +17,7 @@ from dovetail.commands.results import Results, write_motions
 from dovetail.commands.speed import add_rpm, at_asked_speed
 from dovetail.disk.output import OutputError, Progress
 from dovetail.file.histories import HistoryColumns, read_columns
-from dovetail.file.initial import InitialMotion, start_of
+from dovetail.file.loads import InitialMotion, start_of
 from dovetail.file.table import suggest
 from dovetail.report.table import Column, Table, columns_of
 from dovetail.study import Study

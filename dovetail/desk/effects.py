@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 from nicegui import run, ui
 
-from dovetail.desk.job_bar import Start
 from dovetail.desk.jobs import Job
 from dovetail.desk.scale import Scale
 from dovetail.desk.session import Desk
-from dovetail.desk.widgets import Act, button, card, check, labelled
+from dovetail.desk.widgets import Act, Start, button, card, check, labelled
 from dovetail.report.words import effect_label, number
 from fem.model import Effect, Parameter, inverse, parameter_values
-from updating.live.weighing import Weighed, WeighedChannel
+from updating.live.fitting import Weighed, WeighedChannel
 
 POSITION = "(e) => emit(e.target.value)"
 DRAGGED = """(e) => {{

@@ -8,11 +8,10 @@ from nicegui import json, run, ui
 
 from dovetail.desk.compared_modes import ComparedModes
 from dovetail.desk.figures import MODE_HEAD, comac_rows, mode_rows, shapes_figure, shapes_title
-from dovetail.desk.job_bar import Start
 from dovetail.desk.jobs import Job
 from dovetail.desk.session import Desk
 from dovetail.desk.views import frequency_bars
-from dovetail.desk.widgets import button, card, labelled, plot, show
+from dovetail.desk.widgets import Start, button, card, labelled, plot, show
 from viz.frequencies import mac_map
 from viz.interactive import live
 from viz.modal import plot_stabilisation

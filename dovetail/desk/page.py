@@ -16,14 +16,12 @@ from dovetail.desk.candidates import CandidateList
 from dovetail.desk.effects import EffectList, Move
 from dovetail.desk.frf_panel import FrfPanel
 from dovetail.desk.help import Help
-from dovetail.desk.job_bar import JobBar
 from dovetail.desk.jobs import Job, Newest
 from dovetail.desk.modes import ModePanel
-from dovetail.desk.scheme import FOLLOW, is_dark
 from dovetail.desk.sensors import SensorList
 from dovetail.desk.session import RANKED_UNASKED, SAME_SPOT, Desk
 from dovetail.desk.visible import PlanView
-from dovetail.desk.widgets import Keys, Numbers, button, card, plot, show
+from dovetail.desk.widgets import FOLLOW, JobBar, Keys, Numbers, button, card, is_dark, plot, show
 from dovetail.report.words import fault_text
 from updating.live.engine import Evaluation
 

@@ -33,7 +33,7 @@ from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.evidence.places import place_of
 from updating.inference.workers import cores
 from updating.live.engine import Evaluation, LiveModel
-from updating.live.fitting import fit_all, fit_effect, fit_uncertain
+from updating.live.fitting import Weighed, fit_all, fit_effect, fit_uncertain, weigh
 from updating.live.hypothesis import Hypothesis
 from updating.live.ranking import RankedCandidates, rank
 from updating.live.sensitivity import (
@@ -42,7 +42,6 @@ from updating.live.sensitivity import (
     frequency_sensitivities,
     sensitivities,
 )
-from updating.live.weighing import Weighed, weigh
 from updating.plan.plan import Plan
 from updating.quality.corrections import Fault
 

@@ -4,10 +4,9 @@ from typing import Any
 
 from nicegui import ui
 
-from dovetail.desk.job_bar import Start
 from dovetail.desk.jobs import Job
 from dovetail.desk.session import Desk
-from dovetail.desk.widgets import button, card, choice, labelled, plot
+from dovetail.desk.widgets import Start, button, card, choice, labelled, plot
 from dovetail.report import planning
 from dovetail.report.figures import sizes
 from updating.plan.plan import Plan

@@ -7,7 +7,9 @@ from typing import Any, TypeVar
 from nicegui import Client, ui
 from plotly.graph_objects import Figure
 
-from dovetail.desk.scheme import is_dark
+from dovetail.desk.jobs import Job
+from dovetail.report.words import directions
+from dovetail.units.work import duration
 from viz.interactive.theme import CONFIG, at_night
 
 E = TypeVar("E", bound=ui.element)
@@ -113,3 +115,100 @@ class Numbers(ui.element, component="numbers.js"):
     def show(self, now: Mapping[str, str], second: Mapping[str, str]) -> None:
         """Show other texts, and those of a second hypothesis below; without one no texts."""
         self.run_method("show", dict(now), dict(second))
+
+
+# Light or dark: the server makes the figures, so that the address says which colours the browser prefers
+
+
+KEY, LIGHT, DARK = "scheme", "light", "dark"
+_SCRIPT = """<script>(() => {{
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const load = () => {{
+    const address = new URL(location.href);
+    address.searchParams.set("{key}", dark.matches ? "{dark}" : "{light}");
+    location.replace(address);
+  }};
+  {when}
+}})();</script>"""
+ASK = _SCRIPT.format(key=KEY, dark=DARK, light=LIGHT, when="load();")
+"""A page that loads the desk in the preferred colours."""
+FOLLOW = _SCRIPT.format(key=KEY, dark=DARK, light=LIGHT, when='dark.addEventListener("change", load);')
+"""Loads the desk again when the preference changes; its state is the server's."""
+
+
+def is_dark(client: Client) -> bool:
+    """Return whether a tab shows the desk in light colours on a dark page."""
+    return client.request.query_params.get(KEY) == DARK
+
+
+# The page's bar of a job that runs in the background --------------------------------------------------------
+
+
+Start = Callable[[Callable[[], Job], Callable[[Job], None]], None]
+"""Starts a job, unless one is running, and calls the second argument with it when it has a result."""
+
+
+class JobBar:
+    """One job at a time, with its progress, the remaining time, and a button that cancels it.
+
+    Parameters
+    ----------
+    word : str
+        Kind of its jobs.
+    before : callable
+        Called before a job starts.
+    """
+
+    def __init__(self, word: str, before: Callable[[], Any]) -> None:
+        self._word, self._before = word, before
+        self._job: Job | None = None
+        self._take: Callable[[Job], None] | None = None
+        self._row = ui.element("div").classes("desk-row").props(f'role="status" aria-label="{word}"')
+        with self._row:
+            self._text = ui.label().classes("desk-note desk-job")
+            self._bar = ui.linear_progress(0.0, show_value=False).style("flex: 1; min-width: 120px")
+            labelled(self._bar, f"{word}: progress")
+            button("Cancel", self._cancel, "stop", label=f"Cancel: {word}")
+        self._row.set_visibility(False)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job is running."""
+        return self._job is not None
+
+    def start(self, begin: Callable[[], Job], take: Callable[[Job], None]) -> None:
+        """Start a job, unless one is running; its result is passed on with it."""
+        if self._job is not None:
+            ui.notify(f"A {self._word.lower()} is running; cancel it first.", type="warning")
+            return
+        self._before()
+        self._job, self._take = begin(), take
+        self._show(self._job)
+
+    def look(self) -> None:
+        """Show how far the job is, or pass its result on."""
+        job, take = self._job, self._take
+        if job is None or take is None:
+            return
+        self._show(job)
+        if not (job.done or job.ending):
+            return
+        self._job = self._take = None
+        self._row.set_visibility(False)
+        if job.ending:  # its thread ends with the step that it is at, and gives nothing
+            ui.notify(f"{job.title}: cancelled")
+        elif job.error is not None:
+            ui.notify(f"{job.title}: {job.error}", type="negative", multi_line=True)
+        else:
+            take(job)
+
+    def _cancel(self) -> None:
+        if self._job is not None:
+            self._job.cancel()
+
+    def _show(self, job: Job) -> None:
+        self._row.set_visibility(True)
+        left = job.remaining
+        rest = "" if left is None else f", about {duration(left)} left"
+        self._text.set_text(f"{job.title}: {job.fraction:.0%}{rest}: {directions(job.text) or 'begins'}")
+        self._bar.set_value(round(job.fraction, 3))

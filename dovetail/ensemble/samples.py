@@ -1,18 +1,19 @@
 """A sample on the reduced basis, and by the full model, from which the error of the basis is known."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
 
-from dovetail.ensemble.enrichment import enriched
-from dovetail.ensemble.uncertainty import Draw, Uncertainty
 from fem.analysis.frf import FRFKind
 from fem.analysis.frf_solver import compute_frf
-from fem.analysis.modes import first_modes
+from fem.analysis.modes import first_modes, solve_modes
 from fem.array_types import Bools, Complexes, Floats
-from fem.model import Model
+from fem.linalg.solvers import factorise
+from fem.model import Damping, Model, ParameterRef
 from fem.reduction.modal_solution import ModalSolution
 from fem.reduction.parametric_frf import ParametricFRF
 from fem.reduction.reduced_model import ReducedModel, reduce_model
@@ -21,7 +22,182 @@ from updating.correlation import DB_PER_NEPER
 from updating.inference.fit_data import ends_of
 from updating.inference.parameters import Nuisance
 from updating.inference.preparation import MODE_MARGIN, elastic_frequencies, forces_at
+from updating.inference.unknowns import ScaledUnknown, nuisance_unknowns
 from updating.measurement.measurement import Sensor, with_instruments
+
+# Shapes that a basis lacks where uncertain parameters are far from their nominal values ---------------------
+
+
+REACH = 2.0
+"""Change of each parameter either way, one at a time, in standard deviations [-]."""
+ABOVE = 1.25
+"""Modes up to this multiple of the highest frequency must lie in the basis [-]."""
+SHARE_OUTSIDE = 1e-3
+"""Root of the share of a shape's energy that may lie outside; a mode's frequency errs by half the square
+[-]."""
+
+
+def enriched(
+    reduced: ReducedModel,
+    unknowns: tuple[ScaledUnknown, ...],
+    highest: float,
+    forces: NDArray[np.float64],
+) -> ReducedModel:
+    """Return a model with modes and static responses in its basis for each parameter moved either way.
+
+    The parts outside the basis are compressed by their singular values in the energy norm (proper orthogonal
+    decomposition); those below ``SHARE_OUTSIDE`` are dropped. A common modulus or density adds nothing.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    unknowns : tuple of ScaledUnknown
+    highest : float
+        Highest frequency of interest [Hz].
+    forces : ndarray (n_dof, k)
+        Those of whose responses the basis was made.
+    """
+    loads, shift = np.asarray(reduced.system.Q.T @ forces), reduced.basis.shift
+    system, V = reduced.system, reduced.basis.V
+    outside = []
+    for unknown in unknowns:
+        for x in (unknown.mean - REACH * unknown.std, unknown.mean + REACH * unknown.std):
+            value = unknown.to_value(float(np.clip(x, unknown.low, unknown.high)))
+            model = reduced.model.with_values({unknown.ref: value})
+            moved = assemble(model, reciprocal=False)
+            modes = solve_modes(moved, max_frequency=ABOVE * highest)
+            shapes = np.asarray(system.Q.T @ modes.shapes[:, modes.n_rigid :])
+            static = factorise(moved.K - shift * moved.M).solve(loads)
+            both = np.hstack([shapes, static])
+            energy = np.einsum("ij,ij->j", both, system.K @ both - shift * (system.M @ both))
+            both = both[:, energy > 0] / np.sqrt(energy[energy > 0])
+            for _ in range(2):
+                both = both - V @ (V.T @ (system.M @ both))
+            outside.append(both)
+    more = _principal(np.hstack(outside), system.K - shift * system.M) if outside else np.zeros((len(V), 0))
+    return reduced.with_shapes(np.asarray(system.Q @ more)) if more.shape[1] else reduced
+
+
+def _principal(shapes: NDArray[np.float64], K: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return combinations of shapes along which they hold more than ``SHARE_OUTSIDE`` of a mode's energy."""
+    if not shapes.shape[1]:
+        return shapes
+    G = shapes.T @ (K @ shapes)
+    energies, vectors = np.linalg.eigh((G + G.T) / 2)
+    return shapes @ vectors[:, energies > SHARE_OUTSIDE**2]
+
+
+# Random values of a study's uncertain parameters and damping, each sample from a seed of its own ------------
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """One sample.
+
+    Attributes
+    ----------
+    values : ndarray (n_par,)
+        Of the uncertain parameters [SI].
+    ratio : ndarray (n_knots,)
+        Factors of the modal damping ratio at the knots [-].
+    others : tuple of float
+        Factors of the loss factor, of alpha and of beta [-].
+    """
+
+    values: Floats
+    ratio: Floats
+    others: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty:
+    """Independent priors of parameters and of the damping, as fits take them.
+
+    Positive quantities are log-normal, others normal within the bounds of the parameter. Each factor of the
+    damping is log-normal.
+
+    Attributes
+    ----------
+    unknowns : tuple of ScaledUnknown
+    knots : ndarray (n,)
+        Frequencies at which the modal damping ratio varies by itself [Hz].
+    damping : Damping
+        Nominal, of the whole structure.
+    damping_std : float
+        Standard deviation of the logarithm of each factor of the damping [-].
+    """
+
+    unknowns: tuple[ScaledUnknown, ...]
+    knots: Floats
+    damping: Damping
+    damping_std: float
+
+    @classmethod
+    def of(
+        cls, model: Model, nuisances: Sequence[Nuisance], damping_std: float, modes: Floats
+    ) -> "Uncertainty":
+        """Return the uncertainty of a model.
+
+        Parameters
+        ----------
+        model : Model
+        nuisances : sequence of Nuisance
+        damping_std : float
+        modes : ndarray (n_modes,)
+            Elastic natural frequencies within the band [Hz].
+
+        Raises
+        ------
+        ModelError
+            For a parameter that the model does not have, or that changes a constraint.
+        """
+        # Frequencies at which the damping ratio varies by itself, at most, as in a fit [-]
+        n = int(np.clip(len(modes) // 2, 1, 8))
+        knots = np.unique(np.quantile(modes, np.linspace(0, 1, n))) if len(modes) else np.ones(1)
+        return cls(nuisance_unknowns(model, nuisances), knots, model.damping, damping_std)
+
+    @property
+    def refs(self) -> tuple[ParameterRef, ...]:
+        """The parameters that vary."""
+        return tuple(u.ref for u in self.unknowns)
+
+    def draw(self, seed: int, k: int) -> Draw:
+        """Return sample k of a seed; it depends on nothing else."""
+        u = np.random.default_rng((seed, k)).random(len(self.unknowns) + len(self.knots) + 3)
+        n = len(self.unknowns)
+        values = np.array([_within(v, p) for v, p in zip(self.unknowns, u[:n], strict=True)])
+        factors = np.exp(self.damping_std * scipy.special.ndtri(u[n:]))
+        loss, alpha, beta = (float(f) for f in factors[-3:])
+        return Draw(values, factors[:-3], (loss, alpha, beta))
+
+    def ratio(self, draw: Draw, frequency: Floats) -> Floats:
+        """Return the modal damping ratio of a sample at frequencies [Hz]."""
+        at, knots = np.log(np.maximum(frequency, 1e-9 * self.knots[0])), np.log(self.knots)
+        return self.damping.ratio_at(frequency) * np.exp(np.interp(at, knots, np.log(draw.ratio)))
+
+    def of_structure(self, draw: Draw, frequency: Floats) -> Damping:
+        """Return the damping of a sample, with the modal ratio exact at some rising frequencies [Hz]."""
+        loss, alpha, beta = draw.others
+        d = self.damping
+        return replace(
+            Damping.modal(self.ratio(draw, frequency), frequency),
+            loss_factor=loss * d.loss_factor,
+            alpha=alpha * d.alpha,
+            beta=beta * d.beta,
+        )
+
+
+def _within(unknown: ScaledUnknown, u: float) -> float:
+    """Return the value of an unknown at a probability, of a normal x within the bounds of the parameter."""
+    if unknown.log:
+        return unknown.to_value(unknown.mean + unknown.std * float(scipy.special.ndtri(u)))
+    low, high = ((x - unknown.mean) / unknown.std for x in (unknown.low, unknown.high))
+    share = scipy.special.ndtr(low) + u * (scipy.special.ndtr(high) - scipy.special.ndtr(low))
+    return unknown.to_value(unknown.mean + unknown.std * float(scipy.special.ndtri(share)))
+
+
+# ------------------------------------------------------------------------------------------------------------
+
 
 SILENT = 60 / DB_PER_NEPER
 """An FRF this far below the median level is zero by symmetry, as in a comparison [neper]."""

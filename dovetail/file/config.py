@@ -51,7 +51,6 @@ from dovetail.file.measured_modes import (
     read_shape_limits,
     read_states,
 )
-from dovetail.file.mode_suspicions import mode_suspicions
 from dovetail.file.parts import (
     note_one_sided,
     note_shear_centres,
@@ -66,14 +65,14 @@ from dovetail.file.paths import refuse_device
 from dovetail.file.plane import read_plane, refuse_channels, refuse_loads, refuse_space
 from dovetail.file.plausible import implausible, naming_implausible, path_of_request
 from dovetail.file.rotation import read_rotation, read_unbalances
-from dovetail.file.sensors import Channel, channels_of_labels, read_excitations, read_sensors
+from dovetail.file.sensors import Channel, ChannelReader
 from dovetail.file.settings import (
     read_candidates,
     read_frequency,
     read_relevant,
     with_stated_form,
 )
-from dovetail.file.suspicions import LazyComparison, suspicions
+from dovetail.file.suspicions import LazyComparison, mode_suspicions, suspicions
 from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable, with_unknown_keys
 from dovetail.file.uncertain import mode_std, read_uncertain, with_shear
 from fem.analysis.frf import WITHOUT_PHASE
@@ -713,57 +712,36 @@ class _Reader:
         parts: "_Parts",
     ) -> tuple[list[Channel], list[Channel]]:
         """Read sensors and excitations, or take those of the measured files."""
-        top = self.top
         sensors: list[Channel] = []
         excitations: list[Channel] = []
 
         def attempt() -> AbstractContextManager[None]:
             return self._attempt("sensors")
 
+        reader = ChannelReader(self.top, self.path.parent, geometry, nodes, attempt, notes, self.warnings)
         with attempt():
-            sensors = read_sensors(top, geometry, nodes, notes, self.warnings, attempt, self.path.parent)
+            sensors = reader.sensors()
             responses = labels_of(raw, "outputs", motions=True) or (
                 [] if raw_modes is None else raw_modes.modes.labels
             )
             if responses and not sensors:
-                sensors = channels_of_labels(top, responses, geometry, nodes, "sensors", notes, self.warnings)
+                sensors = reader.of_labels(responses, "sensors")
                 notes.append(
                     f"no sensors are given: the {len(sensors)} responses of the measured files are "
                     "taken, at their nodes"
                 )
         with attempt():
-            excitations = read_excitations(
-                top,
-                geometry,
-                sensors,
-                nodes,
-                notes,
-                self.warnings,
-                attempt,
-                self.path.parent,
-                parts.base(geometry.mesh),
-            )
+            excitations = reader.excitations(sensors, parts.base(geometry.mesh))
             if raw and not excitations:
-                excitations = self._excitations_of(labels_of(raw, "inputs"), sensors, geometry, nodes, notes)
+                # the forces at the sensors of the same channel, or else at their nodes
+                forces = [
+                    [c for c in sensors if c.find([label]) is not None][:1]
+                    or reader.of_labels([label], "excitations")
+                    for label in labels_of(raw, "inputs")
+                ]
+                excitations = [c for found in forces for c in found]
+                notes.append(
+                    "no excitations are given: the forces of the measured files are taken, "
+                    f"{', '.join(c.sensor.name for c in excitations)}"
+                )
         return sensors, excitations
-
-    def _excitations_of(
-        self,
-        labels: list[str],
-        sensors: list[Channel],
-        geometry: Geometry,
-        nodes: dict[int, np.ndarray],
-        notes: list[str],
-    ) -> list[Channel]:
-        """Take the forces of the files: at the sensors of the same channel, or else at their nodes."""
-        out = []
-        for label in labels:
-            found = [c for c in sensors if c.find([label]) is not None]
-            out += found[:1] or channels_of_labels(
-                self.top, [label], geometry, nodes, "excitations", notes, self.warnings
-            )
-        notes.append(
-            "no excitations are given: the forces of the measured files are taken, "
-            f"{', '.join(c.sensor.name for c in out)}"
-        )
-        return out

@@ -220,8 +220,7 @@ def _placed(
             raise
         notes.append(
             f"the test fits the mesh in {len(reason.alternatives)} ways, of which the most upright one is "
-            "taken; "
-            "'dovetail match' draws them, and --alternative K takes another"
+            "taken; 'dovetail match' draws them, and --alternative K takes another"
         )
         return put_on_members(reason.alternatives[0], mesh)
 

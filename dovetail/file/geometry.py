@@ -168,9 +168,8 @@ class Geometry:
         if distance > TOUCH * self.mesh.size:
             table.refuse(
                 key,
-                f"{value!r} is not on the structure: it is {distance:.3g} m from the nearest "
-                f"member, '{member}', "
-                f"at {s:.4g} m along it",
+                f"{value!r} is not on the structure: it is {distance:.3g} m from the nearest member, "
+                f"'{member}', at {s:.4g} m along it",
             )
         return self.point_on(member, s)
 

@@ -13,8 +13,7 @@ from fem.array_types import Complexes, Floats
 from fem.io import UFF_SUFFIXES
 from fem.io.arrays import named_arrays
 from fem.io.faults import no_file
-from fem.io.frf_files import read_frfs, reader_of
-from fem.io.frf_join import joined
+from fem.io.frf_files import joined, read_frfs, reader_of
 from fem.io.frf_reading import FORMS, Asked, Reading
 from fem.io.uff import UffFile, read_quietly
 from fem.io.uff_types import Function

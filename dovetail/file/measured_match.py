@@ -156,9 +156,8 @@ def _pick(r: RawMeasurement, channels: Sequence[Channel], labels: Sequence[str],
     if not out:
         r.table.refuse(
             "file",
-            f"none of its {word} ({', '.join(labels[:8])}{' …' if len(labels) > 8 else ''}) "
-            "belongs to a sensor or excitation of the study; give them a label or a node"
-            f"{_near(channels, labels)}",
+            f"none of its {word} ({', '.join(labels[:8])}{' …' if len(labels) > 8 else ''}) belongs to a "
+            f"sensor or excitation of the study; give them a label or a node{_near(channels, labels)}",
         )
     return out
 

@@ -17,7 +17,7 @@ from fem.effects.distributed_mass import DistributedMass
 from fem.effects.joint import Joint
 from fem.effects.shear_centre import ShearCentre, is_eccentric
 from fem.effects.support import Support
-from fem.elements.axes import local_axes
+from fem.elements.layout import local_axes
 from fem.elements.properties import MASSES, THEORIES, MemberProperties
 from fem.io import read_modes
 from fem.io.faults import no_file

@@ -6,7 +6,7 @@ from typing import Any, SupportsIndex, overload
 
 from dovetail.file.table import suggest
 from dovetail.notebook.html import table
-from fem.analysis.labelled import imported
+from fem.analysis.frf import imported
 from fem.declarations import Entry
 from fem.model import Effect, ModelError, Parameter
 from fem.summary import counted, quantity

@@ -10,8 +10,7 @@ import numpy as np
 
 from dovetail.notebook.html import inner, number, table
 from dovetail.result import bands_of_lines, least_frac
-from fem.analysis.frf import FRF
-from fem.analysis.labelled import imported
+from fem.analysis.frf import FRF, imported
 from fem.summary import summary
 from updating import correlation
 from updating.inference.fit import FitProblem

@@ -10,7 +10,7 @@ from dovetail.notebook.html import table
 from dovetail.report import words
 from dovetail.report.found_lines import found_lines
 from dovetail.report.sections import explanations, measured_modes, rounds, staircase
-from fem.analysis.labelled import imported
+from fem.analysis.frf import imported
 from updating.diagnosis import diagnose, mode_diagnosis
 from updating.diagnosis.verdict import Verdict
 

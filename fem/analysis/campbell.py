@@ -15,9 +15,8 @@ import scipy
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from fem.analysis.complex_modes import ComplexModes, solve_complex_modes
+from fem.analysis.complex_modes import ComplexModes, solve_complex_modes, whirl
 from fem.analysis.modes import Eigenpairs, solve_eigenpairs
-from fem.analysis.whirl import whirl
 from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.effects.spin import Spin, refuse_speeds, spinning
 from fem.linalg.solvers import one_thread
@@ -72,7 +71,7 @@ class Campbell:
     poles : ndarray of complex (n_speeds, n_branches)
         s; NaN where a branch is not among the computed modes, or does not oscillate [rad/s].
     whirl : ndarray (n_speeds, n_branches)
-        See :func:`fem.analysis.whirl.whirl`; at speed 0 in the sense that the speeds above it take.
+        See :func:`fem.analysis.complex_modes.whirl`; at speed 0 in the sense that the speeds above it take.
     likeness : ndarray (n_speeds - 1, n_branches)
         Likeness of a branch's shapes at a speed and the next: 1 of equal ones, 0 of orthogonal ones [-].
     critical : tuple of CriticalSpeed

@@ -7,24 +7,182 @@ small (Davidson's method). Elements that depend on frequency have their stiffnes
 frequency.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import connected_components
 
 from fem.analysis.frf import FRF, FRFError, FRFKind
 from fem.analysis.modes import Eigenpairs, Modes, rigid_body_motions, solve_eigenpairs
-from fem.analysis.quadratic_roots import QuadraticPencil, Root, all_roots, different, with_laws
 from fem.analysis.receptance import locals_of
 from fem.analysis.selection import Selection, dof_vectors
 from fem.array_types import Bools, Complexes, Floats
+from fem.declarations import Role
 from fem.linalg.solvers import Factor, factorise, one_thread
-from fem.model import Model, ModelError
+from fem.model import Law, Model, ModelError
 from fem.summary import fields_summary
 from fem.system import System, law_change
+
+# Roots and vectors of small dense quadratic problems (K + sC + s²M) x = 0 -----------------------------------
+
+
+Laws = Sequence[tuple[Law, Floats]]
+
+
+class Root(NamedTuple):
+    """A root with (K + sC + s²M) x = 0 and yᵀ(K + sC + s²M) = 0.
+
+    ``left`` is ``right`` itself where all matrices are symmetric.
+    """
+
+    s: complex
+    right: Complexes
+    left: Complexes
+
+
+class QuadraticPencil(NamedTuple):
+    """Matrices (m, m) of a problem, with frequency-dependent elements at rest and their laws."""
+
+    K: NDArray[Any]
+    C: NDArray[Any]
+    M: NDArray[Any]
+    laws: Laws
+    symmetric: bool
+
+
+def all_roots(problem: QuadraticPencil, omega: float = 0.0) -> list[Root]:
+    """Return all finite roots, with laws at one frequency [rad/s], the slowest first.
+
+    With s = σ + 1/μ, σ > 0 no root: (μ²P₀ + μP₁ + M) x = 0, P₀ = K + σC + σ²M, P₁ = C + 2σM. μ = 0 are the
+    infinite roots of directions without mass. K should be about the unit matrix.
+    """
+    K, C, M, laws, symmetric = problem
+    for law, X in laws:
+        K = K + law_change(law, np.array([omega]))[0] * X
+    m = len(K)
+    size = float(np.trace(M)) / m
+    shift = 0.3 / np.sqrt(max(size, 1e-300))  # K is about 1, and M about 1/ω²
+    P0, P1 = K + shift * C + shift**2 * M, C + 2 * shift * M
+    top = -np.linalg.solve(P0, np.hstack([P1, M / shift]))
+    # companion matrix of shift·μ, so that both halves of the vectors are of one size
+    A = np.block([[top[:, :m] * shift, top[:, m:] * shift**3], [np.eye(m), np.zeros((m, m))]])
+    if symmetric:
+        mu, vectors = np.linalg.eig(A)
+        rows = vectors
+    else:
+        # wᴴA = μwᴴ: the first half of w is P₀ᵀ times the left vector
+        mu, other, vectors = sla.eig(A, left=True, right=True)
+        rows = np.linalg.solve(P0.T, other[:m].conj())
+    finite = np.flatnonzero(np.abs(mu) > 1e-13 * np.abs(mu).max())
+    s = (shift + shift / mu[finite]).astype(complex)
+    s.imag[np.abs(s.imag) < 1e-8 * np.abs(s) + 1e-10 * shift] = 0.0  # real but for rounding
+    X = _unit(vectors[:m, finite])
+    Y = X if symmetric else _unit(rows[:, finite])
+    order = np.argsort(np.abs(s), kind="stable")
+    return [Root(complex(s[k]), X[:, k], X[:, k] if symmetric else Y[:, k]) for k in order]
+
+
+def _unit(X: NDArray[Any]) -> Complexes:
+    return X.astype(complex) / np.linalg.norm(X, axis=0)
+
+
+def with_laws(problem: QuadraticPencil, root: Root) -> Root:
+    """Iterate a root until the laws are those of its damped frequency."""
+    M = problem.M
+    for _ in range(60):
+        above = [r for r in all_roots(problem, abs(root.s.imag)) if r.s.imag >= 0]
+        # the same mode: most alike by mass, not farther than it must be
+        X = np.column_stack([r.right for r in above])
+        like = np.abs(X.conj().T @ (M @ root.right)) ** 2
+        like /= np.maximum(np.real(np.einsum("ij,ij->j", X.conj(), M @ X)), 1e-300)
+        far = np.abs(np.array([r.s for r in above]) - root.s) / abs(root.s)
+        best = above[int(np.argmax(like / (1 + far)))]
+        done = abs(best.s - root.s) < 1e-12 * abs(root.s)
+        root = best
+        if done:
+            break
+    return root
+
+
+def different(roots: Sequence[Root], M: NDArray[Any]) -> list[Root]:
+    """Return roots without those that came twice."""
+    out: list[Root] = []
+    for root in roots:
+        mass = np.sqrt(np.real(np.vdot(root.right, M @ root.right)))
+        twice = any(
+            # Relative distance below which two roots with equal vectors are one
+            abs(root.s - known.s) < 1e-9 * abs(root.s)
+            and abs(np.vdot(root.right, M @ known.right))
+            > 0.99 * mass * np.sqrt(np.real(np.vdot(known.right, M @ known.right)))
+            for known in out
+        )
+        if not twice:
+            out.append(root)
+    return out
+
+
+# Whirl of rotors: in which sense, and how round, the axes of rotors turn in a mode --------------------------
+
+
+AT_REST = 1e-12
+"""Part of a mode's energy below which its gyroscopic work is rounding: no rotor's axis turns [-]."""
+
+PLANAR = 1e-6
+"""Size of the whirl below which its sense is rounding [-]."""
+
+
+def whirl(model: Model, poles: Complexes, shapes: Complexes) -> Floats:
+    """Return the whirl of modes: 1 forward in circles, 0 in a plane, -1 backward in circles.
+
+    The rotations of a rotor's axis describe an ellipse. Its circularity, positive in the sense of the spin,
+    is averaged with the weight of the angular momentum: xᴴ(iG)x / xᴴ|G|x, G the skew matrix and |G| its
+    absolute value element by element. Frequencies of forward modes grow with the momenta.
+
+    Parameters
+    ----------
+    model : Model
+    poles : ndarray of complex (n,)
+        s, with Im s ≥ 0 [rad/s].
+    shapes : ndarray of complex (n_dof, n)
+        With the modal A of :class:`fem.analysis.complex_modes.ComplexModes`.
+
+    Returns
+    -------
+    ndarray (n,)
+        NaN of modes that tilt no rotor's axis, and of models without rotors.
+    """
+    n = shapes.shape[1]
+    work, most = np.zeros(n), np.zeros(n)
+    for effect in model.effects:
+        if Role.GYROSCOPIC not in effect.role:
+            continue
+        for c in effect.contribute(model):
+            if c.C is None:
+                continue
+            values, vectors = np.linalg.eigh(0.5j * (c.C - np.swapaxes(c.C, 1, 2)))
+            size = np.abs(np.einsum("bji,bjn->bin", vectors.conj(), shapes[c.dofs])) ** 2
+            work += np.einsum("bi,bin->n", values, size)
+            most += np.einsum("bi,bin->n", np.abs(values), size)
+    turns = most > AT_REST * np.abs(poles)  # modal A of 2i Im s: an energy of about |s|²
+    return np.divide(work, most, out=np.full(n, np.nan), where=turns)
+
+
+def whirl_name(value: float) -> str:
+    """Return ``"forward"``, ``"backward"`` or ``"planar"``; an empty string of NaN."""
+    if np.isnan(value):
+        return ""
+    if abs(value) < PLANAR:
+        return "planar"
+    return "forward" if value > 0 else "backward"
+
+
+# ------------------------------------------------------------------------------------------------------------
+
 
 DENSE_LIMIT = 120
 """Systems of at most this many coordinates are solved as they are, unless an element has a law."""

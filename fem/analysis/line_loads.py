@@ -14,9 +14,9 @@ from fem.analysis.loads import InitialStrain, LineLoad, LoadCase, MemberForce, c
 from fem.array_types import Floats, Ints
 from fem.elements import tapered
 from fem.elements.frame import Frame
+from fem.elements.interpolation import gauss_points
 from fem.elements.layout import axes_and_arms, layout_of
 from fem.elements.properties import LUMPED
-from fem.elements.quadrature import gauss_points
 from fem.mesh import Location
 from fem.model import Contribution, Model, ModelError
 

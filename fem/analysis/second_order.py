@@ -22,8 +22,7 @@ from fem.analysis.line_loads import line_dofs
 from fem.analysis.loads import LoadCase
 from fem.analysis.modes import n_negative
 from fem.analysis.section_forces import line_stiffness
-from fem.analysis.static_rounding import energy_rounding, residual_rounding
-from fem.analysis.statics import Loading, StaticSolution, factor_stiffness
+from fem.analysis.statics import Loading, StaticSolution, energy_rounding, factor_stiffness, residual_rounding
 from fem.array_types import Floats
 from fem.linalg.solvers import Factor, SingularMatrixError, factorise
 from fem.model import Model, ModelError
@@ -174,9 +173,8 @@ def _factor(
         )
         raise ModelError(msg)
     msg = (
-        f"load case '{case.name}' makes the structure buckle at {least:.4g} times its size: "
-        "second-order displacements exist for factors above 1 only; reduce the load or stiffen the "
-        "structure"
+        f"load case '{case.name}' makes the structure buckle at {least:.4g} times its size: second-order "
+        "displacements exist for factors above 1 only; reduce the load or stiffen the structure"
     )
     raise ModelError(msg)
 

@@ -22,7 +22,7 @@ from fem.array_types import Floats, Ints
 from fem.elements import tapered
 from fem.elements.connections import moved_by_loads
 from fem.elements.frame import Frame
-from fem.elements.quadrature import gauss_points
+from fem.elements.interpolation import gauss_points
 from fem.model import Model
 
 SECTION_FORCES = ("N", "Vy", "Vz", "T", "My", "Mz")

@@ -7,14 +7,14 @@ import numpy as np
 
 from fem.analysis.one_sided import OneSided
 from fem.analysis.second_order import SecondOrder
-from fem.analysis.section_stress import SectionStresses, section_stresses
-from fem.analysis.static_rounding import beyond_rounding
-from fem.analysis.statics import StaticSolution
+from fem.analysis.statics import StaticSolution, beyond_rounding
 from fem.analysis.stations import (
     LargestDisplacement,
+    SectionStresses,
     Stations,
     forces_on_lines,
     largest_displacements,
+    section_stresses,
     stations,
     stresses_on_lines,
 )

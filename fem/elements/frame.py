@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike
 
 from fem.array_types import Bools, Floats, Ints
 from fem.declarations import Role, Site
-from fem.elements.by_member import ByMember
 from fem.elements.closed_form import closed_mass, closed_stiffness, global_blocks
 from fem.elements.connections import connect_ends, with_rigid_ends
 from fem.elements.interpolation import axis_displacements, motion_matrix
-from fem.elements.layout import alike, axes_and_arms, layout_of
+from fem.elements.layout import ByMember, alike, axes_and_arms, layout_of
 from fem.elements.lines import (
     NO_CHANGE,
     Lines,

@@ -20,11 +20,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fem.array_types import Floats, Ints
-from fem.elements.interpolation import XY_DOFS, XZ_DOFS, XZ_SIGNS, prismatic_bending
+from fem.elements.interpolation import XY_DOFS, XZ_DOFS, XZ_SIGNS, gauss_points, prismatic_bending
 from fem.elements.levers import lever_stiffness
 from fem.elements.lines import Lines, flexible_fraction, some_lines
 from fem.elements.matrices import to_global
-from fem.elements.quadrature import gauss_points
 from fem.model import Array
 
 FORCE_NODES, _WEIGHTS = gauss_points(4)

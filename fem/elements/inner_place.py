@@ -15,10 +15,9 @@ from fem.array_types import Ints
 from fem.elements.connections import with_rigid_ends
 from fem.elements.cut import Slip, slips
 from fem.elements.frame import Frame
-from fem.elements.interpolation import carried, shape_matrix
+from fem.elements.interpolation import carried, gauss_points, shape_matrix
 from fem.elements.lines import Lines, flexible_fraction, inertias, n_gauss, some_lines
 from fem.elements.matrices import local_stiffness
-from fem.elements.quadrature import gauss_points
 from fem.elements.stretches import end_flexibility
 from fem.mesh import Mesh
 from fem.model import Array, Contribution, dofs_of

@@ -5,6 +5,7 @@ They solve the static Timoshenko equations exactly (Friedman & Kosmatka, Compute
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -183,3 +184,15 @@ def axis_displacements(g: Lines, each: Ints, xi: Floats, u: Floats) -> Floats:
         beyond = xi * parts.span - parts.zone[:, 0] - x * parts.L
         out += np.cross(to_global @ motion[:, 3:], (beyond[:, None] * parts.R[:, 0])[:, :, None], axis=1)
     return out
+
+
+# Gauss points on the unit interval --------------------------------------------------------------------------
+
+
+@cache
+def gauss_points(n: int) -> tuple[Floats, Floats]:
+    """Return n Gauss points of 0 … 1 and their weights, which sum to 1."""
+    x, w = np.polynomial.legendre.leggauss(n)
+    points, weights = (x + 1) / 2, w / 2
+    points.flags.writeable = weights.flags.writeable = False  # all callers share them
+    return points, weights

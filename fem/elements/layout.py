@@ -1,22 +1,23 @@
 """Layout of a mesh's lines: the properties, end connections and axes of every line, without moduli.
 
 Members share properties, so that each line has a row in a table of kinds. The properties keep the layouts
-(`fem.elements.by_member`): a fit changes moduli and densities, which are not part of them.
+(`fem.elements.layout`): a fit changes moduli and densities, which are not part of them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, ItemsView, Iterator, Mapping, ValuesView
 from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fem.array_types import Bools, Floats, Ints
 from fem.elements import tapered
-from fem.elements.axes import axes_of, is_parallel, parallel_message, turned
-from fem.elements.by_member import ByMember
 from fem.elements.properties import LUMPED, MemberProperties
 from fem.materials import Material
 from fem.mesh import Mesh
 from fem.model import ModelError
+from fem.recent import Recent
 from fem.sections.section import Section
 
 MANY_LINES = 100_000
@@ -209,8 +210,7 @@ def _check_bars(layout: Layout, mesh: Mesh) -> None:
         if loose.size:
             msg = (
                 f"bar '{_member(mesh, loose[0])}' has an offset and {count[of[loose[0]]]} elements; nothing "
-                "keeps the points between them from turning about its axis: give it one element, or no "
-                "offset"
+                "keeps the points between them from turning about its axis: give it one element, or no offset"
             )
             raise ModelError(msg)
 
@@ -276,3 +276,112 @@ def alike(members: Mapping[str, MemberProperties], mesh: Mesh, member: str) -> b
     R, _, _, L = axes_and_arms(layout, mesh, rows)
     same = layout.plain[rows].all() and (layout.kind[rows] == layout.kind[rows[0]]).all()
     return bool(same and np.ptp(L) <= EQUAL * L[0] and np.abs(R - R[0]).max() <= EQUAL)
+
+
+# Values by member's name, with the arrays that are made of them on a mesh -----------------------------------
+
+
+T = TypeVar("T")
+
+_MESHES = 8
+"""Number of meshes for which arrays are kept."""
+
+
+class ByMember(Mapping[str, T], Generic[T]):
+    """Values by member's name that never change.
+
+    Frames with other moduli share one such object. It owns the arrays that depend on its values and on a mesh
+    alone, so that a fit forms them once.
+
+    Parameters
+    ----------
+    values : mapping of str to T
+        Copied, so that later changes of it do no harm.
+    """
+
+    __slots__ = ("_on_meshes", "_values")
+
+    def __init__(self, values: Mapping[str, T]) -> None:
+        self._values = dict(values)
+        self._on_meshes = Recent(_MESHES)
+
+    @classmethod
+    def of(cls, values: Mapping[str, T]) -> "ByMember[T]":
+        """Return values as such an object: themselves if they are one."""
+        return values if isinstance(values, ByMember) else cls(values)
+
+    def on(self, mesh: Mesh, make: Callable[["ByMember[T]", Mesh], Any]) -> Any:
+        """Return ``make(self, mesh)``, kept for the last few meshes."""
+        return self._on_meshes.get((make, mesh), lambda: make(self, mesh))
+
+    def __getitem__(self, name: str) -> T:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    # the views of the dictionary itself: those of Mapping look every name up, and a frame has thousands
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._values
+
+    def values(self) -> ValuesView[T]:
+        """Return the values."""
+        return self._values.values()
+
+    def items(self) -> ItemsView[str, T]:
+        """Return pairs of name and value."""
+        return self._values.items()
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self._values!r})"
+
+
+# Local axes of members: x along the axis, z towards the orientation, y completing them ----------------------
+
+
+def local_axes(t: Floats, orientation: ArrayLike | None, member: str) -> Floats:
+    """Return local axes as rows for line directions ``t`` (b, 3), shape (b, 3, 3).
+
+    Raises
+    ------
+    ModelError
+        If the orientation is parallel to the member.
+    """
+    up = np.full(3, np.nan) if orientation is None else np.asarray(orientation, dtype=float)
+    if is_parallel(t, up).any():
+        raise ModelError(parallel_message(member, up))
+    return axes_of(t, np.broadcast_to(up, t.shape))
+
+
+def is_parallel(t: Floats, up: Floats) -> Bools:
+    """Return which directions t (…, 3) are parallel to orientations (…, 3); nan, the default, is not."""
+    sizes = np.linalg.norm(t, axis=-1) * np.linalg.norm(up, axis=-1)
+    return np.linalg.norm(np.cross(t, up), axis=-1) < 1e-6 * sizes
+
+
+def parallel_message(member: str, orientation: Floats) -> str:
+    """Return the message on an orientation along a member."""
+    return f"member '{member}': its orientation {orientation.tolist()} is parallel to its axis"
+
+
+def axes_of(t: Floats, up: Floats) -> Floats:
+    """Return local axes as rows, (b, 3, 3), for directions t and orientations (b, 3), nan for the default."""
+    x = t / np.linalg.norm(t, axis=1, keepdims=True)
+    # within 1° of vertical, global Z gives no plane: X does
+    usual = np.where(np.abs(x[:, 2:]) > np.cos(np.deg2rad(1.0)), [[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
+    up = np.where(np.isnan(up), usual, up)
+    z = up - np.einsum("bi,bi->b", up, x)[:, None] * x
+    z = z / np.linalg.norm(z, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def turned(R: Floats, angle: Floats) -> Floats:
+    """Return local axes (b, 3, 3) turned about x by angles (b,) [rad], to the sections' principal axes."""
+    if not angle.any():
+        return R
+    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    return np.stack([R[:, 0], c * R[:, 1] + s * R[:, 2], c * R[:, 2] - s * R[:, 1]], axis=1)

@@ -12,8 +12,7 @@ import numpy as np
 
 from fem.array_types import Bools, Floats, Ints
 from fem.elements import tapered
-from fem.elements.by_member import ByMember
-from fem.elements.layout import CONSTANTS, Layout, axes_and_arms, constants_at
+from fem.elements.layout import CONSTANTS, ByMember, Layout, axes_and_arms, constants_at
 from fem.mesh import Mesh
 from fem.model import Array, dofs_of
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from fem.elements import tapered
 from fem.elements.closed_form import closed_stiffness, higher_order_mass, local_blocks
-from fem.elements.interpolation import XY_DOFS, XZ_DOFS, XZ_SIGNS, shape_matrix, slope_matrix
+from fem.elements.interpolation import XY_DOFS, XZ_DOFS, XZ_SIGNS, gauss_points, shape_matrix, slope_matrix
 from fem.elements.levers import lever_stiffness
 from fem.elements.lines import COLUMNS, Lines, inertias, n_gauss, some_lines
-from fem.elements.quadrature import gauss_points
 from fem.model import Array
 
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from fem.array_types import Floats
+from fem.elements.interpolation import gauss_points
 from fem.elements.layout import Layout, constants_at
 from fem.elements.lines import Lines, SectionChange, cross_matrices
-from fem.elements.quadrature import gauss_points
 from fem.model import Array
 
 

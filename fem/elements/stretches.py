@@ -14,7 +14,7 @@ from fem.array_types import Ints
 from fem.elements import tapered
 from fem.elements.connections import line_slips, with_connections, with_rigid_ends
 from fem.elements.frame import Frame
-from fem.elements.interpolation import shape_matrix, strain_matrix
+from fem.elements.interpolation import gauss_points, shape_matrix, strain_matrix
 from fem.elements.lines import (
     COLUMNS,
     NO_CHANGE,
@@ -26,7 +26,6 @@ from fem.elements.lines import (
     some_lines,
 )
 from fem.elements.matrices import local_stiffness, to_global
-from fem.elements.quadrature import gauss_points
 from fem.elements.rigid_zones import masses_in_rigid_zones
 from fem.mesh import Mesh
 from fem.model import Array, Contribution, Model

@@ -28,8 +28,7 @@ from fem.io.abaqus_deck import (
     table_of,
 )
 from fem.io.abaqus_keywords import CENTRED, HARMLESS, NAMED, READ, REFUSED, SECTIONS, nodes_of
-from fem.io.abaqus_parts import AbaqusPart, Skipped
-from fem.io.abaqus_sets import AbaqusSetEntry
+from fem.io.abaqus_parts import AbaqusPart, AbaqusSetEntry, Skipped
 from fem.io.deck import DeckBudget, integer, real
 from fem.io.faults import error_at, refuse
 from fem.io.rawmesh import RawMesh

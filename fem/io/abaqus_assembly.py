@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.array_types import Floats, Ints
-from fem.io.abaqus_parts import AbaqusPart, AbaqusTable
-from fem.io.abaqus_sets import AbaqusSetEntry, Resolver
+from fem.io.abaqus_parts import AbaqusPart, AbaqusSetEntry, AbaqusTable, Resolver
 from fem.io.deck import DeckBudget, named
 from fem.io.faults import error_at
 from fem.io.rawmesh import RawMesh

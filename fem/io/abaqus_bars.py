@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from fem.array_types import Floats, Ints
-from fem.io import abaqus_frame_keywords as known
+from fem.io import abaqus_keywords as known
 from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_beams import Beam, BeamReader
 from fem.io.abaqus_content import SAME_PLACE, Content, Placed, check, data, lines_of

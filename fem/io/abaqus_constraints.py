@@ -10,8 +10,7 @@ from fem.io.abaqus_content import Content, Placed, check, dofs_of, lines_of, num
 from fem.io.abaqus_deck import AbaqusBlock, fault, name_of
 from fem.io.abaqus_systems import AbaqusSystems
 from fem.io.faults import error_at
-from fem.io.frame_deck import Equation, Link
-from fem.io.frame_parts import Constraints
+from fem.io.frame_deck import Constraints, Equation, Link
 from fem.mesh import MeshError
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.array_types import Floats, Ints
-from fem.io import abaqus_frame_keywords as known
+from fem.io import abaqus_keywords as known
 from fem.io.abaqus import DeckReader
 from fem.io.abaqus_assembly import Assembly, Instance
 from fem.io.abaqus_deck import AbaqusBlock, AbaqusRows, cells_of, fault, name_of

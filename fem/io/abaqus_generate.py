@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from fem.array_types import Floats, Ints
 from fem.io.abaqus_deck import AbaqusBlock, name_of
-from fem.io.abaqus_parts import AbaqusPart, Skipped
-from fem.io.abaqus_sets import AbaqusSetEntry
+from fem.io.abaqus_parts import AbaqusPart, AbaqusSetEntry, Skipped
 from fem.io.deck import DeckBudget, integer, real
 from fem.io.faults import error_at, refuse
 from fem.mesh import MeshError

@@ -9,7 +9,7 @@ from fem.io.abaqus_assembly import Instance
 from fem.io.abaqus_content import Content, Placed, check, lines_of, numbers_of
 from fem.io.abaqus_deck import AbaqusBlock, fault
 from fem.io.abaqus_generate import rotation
-from fem.io.frame_parts import axes_along, parallel
+from fem.io.frame_deck import axes_along, parallel
 
 
 @dataclass(slots=True)

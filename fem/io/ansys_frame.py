@@ -19,8 +19,21 @@ from fem.io.ansys_sections import PlacedSection, placed_section
 from fem.io.ansys_systems import rotation
 from fem.io.deck import named
 from fem.io.deck_units import DeckUnits
-from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
-from fem.io.frame_parts import Found, along, axes_along, entry, supports_of, terms_of
+from fem.io.frame_deck import (
+    BarProperty,
+    Bars,
+    Body,
+    Connection,
+    Equation,
+    Found,
+    FrameDeck,
+    Link,
+    along,
+    axes_along,
+    entry,
+    supports_of,
+    terms_of,
+)
 from fem.io.frame_sections import rod
 from fem.materials import Material, PropertyError, negligible_density
 from fem.model import DIRECTIONS, Damping

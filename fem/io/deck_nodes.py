@@ -12,12 +12,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from fem.array_types import Floats
-from fem.elements.axes import axes_of
+from fem.elements.layout import axes_of
 from fem.io.deck_units import DeckUnits
 from fem.io.faults import refuse
-from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
+from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, Found, FrameDeck, Link
 from fem.io.frame_of_model import ModelDeck, NodeMatrices
-from fem.io.frame_parts import Found
 from fem.mesh import MeshError
 from fem.model import DIRECTIONS, lever_matrix
 from fem.sections.section import Section

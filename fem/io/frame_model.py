@@ -18,14 +18,13 @@ from fem.effects.distributed_mass import DistributedMass
 from fem.effects.joint import Joint
 from fem.effects.rigid_link import MultiPointConstraint, RigidLink
 from fem.effects.support import Support
-from fem.elements.axes import axes_of, is_parallel
 from fem.elements.frame import Frame
+from fem.elements.layout import axes_of, is_parallel
 from fem.elements.properties import MemberProperties
 from fem.io.deck_units import DeckUnits
 from fem.io.faults import error_at
-from fem.io.frame_deck import Connection, FrameDeck
+from fem.io.frame_deck import Connection, FrameDeck, terms_of
 from fem.io.frame_nodes import Nodes
-from fem.io.frame_parts import terms_of
 from fem.io.programs import ABAQUS, ALLOWED, ANSYS, NASTRAN, program_of
 from fem.materials import PropertyError
 from fem.mesh import Mesh, MeshWarning, free_name

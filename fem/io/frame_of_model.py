@@ -33,8 +33,7 @@ from fem.effects.sprung_mass import SprungMass
 from fem.elements.frame import Frame, nominal
 from fem.elements.layout import CONSTANTS, layout_of
 from fem.elements.lines import Lines
-from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, FrameDeck, Link
-from fem.io.frame_parts import Found
+from fem.io.frame_deck import BarProperty, Bars, Body, Connection, Equation, Found, FrameDeck, Link
 from fem.mesh import Mesh
 from fem.model import DIRECTIONS, Contribution, Effect, Model, lever_matrix
 from fem.sections.section import Section

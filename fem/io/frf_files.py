@@ -2,17 +2,23 @@
 
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from fem.io.arrays import TableError, named_arrays, read_npz, typed
+import numpy as np
+
+from fem.analysis.frf import FRF, WITHOUT_PHASE, FRFKind
+from fem.analysis.modes import Modes
+from fem.io.arrays import TableError, named_arrays, read_npz, read_npz_modes, typed
 from fem.io.column_frf import frf_of_columns
 from fem.io.faults import error_at, existing
+from fem.io.frf_labels import matrix_of
 from fem.io.frf_reading import Asked, Reading
 from fem.io.mat_hdf5 import HDF5_MARK, read_hdf5, read_mat
 from fem.io.named_frf import frf_of_arrays
-from fem.io.uff import read_quietly
+from fem.io.uff import read_quietly, read_uff
 
 _HEAD = 4096
 """Bytes from the beginning of a file that tell its format."""
@@ -143,3 +149,138 @@ def read_frfs(path: str | os.PathLike[str], asked: Asked) -> Reading:
         reading = reader_of(file).read(file, asked)
     phase = reading.phase and any(frf.has_phase for frf in reading.frfs)
     return replace(reading, phase=phase, notes=(*reading.notes, *(str(w.message) for w in caught)))
+
+
+# FRFs of several files, such as one for each pair, as one matrix --------------------------------------------
+
+
+def joined(readings: Sequence[Reading], names: Sequence[str]) -> Reading:
+    """Return the FRFs of several files as one matrix.
+
+    Parameters
+    ----------
+    readings : sequence of Reading
+        With one matrix each.
+    names : sequence of str
+        Their files, for messages.
+    """
+    for reading, name in zip(readings, names, strict=True):
+        if len(reading.frfs) != 1:
+            msg = f"{name}: it has {len(reading.frfs)} matrices of FRFs; of several files each must have one"
+            raise TableError(msg)
+    frfs = [reading.frfs[0] for reading in readings]
+    first = frfs[0]
+    for frf, reading, name in zip(frfs, readings, names, strict=True):
+        same = frf.n_freq == first.n_freq and np.allclose(frf.frequency, first.frequency, rtol=1e-6, atol=0)
+        if not same:
+            msg = (
+                f"{name}: it has {frf.n_freq} lines from {frf.frequency[0]:g} to {frf.frequency[-1]:g} Hz, "
+                f"{names[0]} {first.n_freq} from {first.frequency[0]:g} to {first.frequency[-1]:g} Hz; FRFs "
+                "of one matrix need the same lines"
+            )
+            raise TableError(msg)
+        if frf.kind != first.kind or reading.phase != readings[0].phase:
+            msg = (
+                f"{name}: its FRFs are {_words(reading)}, those of {names[0]} {_words(readings[0])}; one "
+                "kind is needed"
+            )
+            raise TableError(msg)
+    where: dict[tuple[str, str], tuple[int, int, int]] = {}
+    for k, frf in enumerate(frfs):
+        for i, output in enumerate(frf.outputs):
+            for j, force in enumerate(frf.inputs):
+                if (output, force) in where:
+                    msg = (
+                        f"{names[k]}: {output}/{force} is in {names[where[output, force][0]]}, too; give "
+                        "pairs, response/force of each file"
+                    )
+                    raise TableError(msg)
+                where[output, force] = k, i, j
+    outputs, inputs, missing = matrix_of(where)
+    if missing:
+        msg = (
+            f"the files {', '.join(names[:4])}{' …' if len(names) > 4 else ''} lack "
+            f"{', '.join(missing[:5])}; each response to each force is needed once"
+        )
+        raise TableError(msg)
+    H = np.empty((first.n_freq, len(outputs), len(inputs)), dtype=complex)
+    known = [r.coherence is not None for r in readings]
+    gamma = np.full(H.shape, np.nan)
+    for (output, force), (k, i, j) in where.items():
+        at = outputs.index(output), inputs.index(force)
+        H[:, at[0], at[1]] = frfs[k].H[:, i, j]
+        coherence = readings[k].coherence
+        if coherence is not None:
+            gamma[:, at[0], at[1]] = coherence[:, i, j]
+    base = [name for name in inputs if any(name in frf.base for frf in frfs)]
+    strain = [name for name in outputs if any(name in frf.strain for frf in frfs)]
+    labels = tuple(dict.fromkeys(label for r in readings for group in r.axes for label in group))
+    return Reading(
+        (FRF.from_arrays(first.frequency, H, first.kind, outputs, inputs, base, strain),),
+        (labels,) if labels else (),
+        readings[0].phase,
+        gamma if any(known) else None,
+        readings[0].averages,
+        tuple(f for r in readings for f in r.functions),
+        next((r.points for r in readings if r.points is not None), None),
+        tuple(f"{name}: {note}" for r, name in zip(readings, names, strict=True) for note in r.notes),
+    )
+
+
+def _words(reading: Reading) -> str:
+    return f"{reading.frfs[0].kind}{'' if reading.phase else ' without phase'}"
+
+
+# FRFs and modes of a file of any format ---------------------------------------------------------------------
+
+
+UFF_SUFFIXES = (".uff", ".unv", ".uf", ".ufb")
+"""Suffixes of universal files."""
+
+
+def read_frf(path: str | os.PathLike[str], kind: FRFKind | str | None = None, **options: Any) -> FRF:
+    """Read the FRFs of a file; its content, or else its ending, says how.
+
+    Universal files, ``.npz``, text in columns, MATLAB files and HDF5: the table ``READERS`` of
+    :mod:`fem.io.frf_files`. Options are the fields of :class:`fem.io.frf_reading.Asked`, such as
+    ``outputs``, ``inputs``, ``form``, ``arrays`` and ``axes``.
+
+    Raises
+    ------
+    UffError, TableError
+        If the file cannot be read as what it is, has amplitudes without phase, or has no FRFs or several
+        groups of them.
+    """
+    file = Path(path)
+    reader = reader_of(file)
+    allowed = ("outputs", "inputs", "unit_labels", *reader.options)
+    if reader.words in ("universal file", "NumPy archive"):
+        allowed = ("unit_labels",) if reader.words == "universal file" else ()
+    wrong = [key for key in options if key not in allowed]
+    if wrong:
+        other = "; ".join(f"{', '.join(r.options)} for {r.words}" for r in READERS if r.options)
+        msg = f"{file.name}: the options {', '.join(wrong)} are not for a {reader.words}; there are {other}"
+        raise TypeError(msg)
+    if reader.words == "universal file":
+        return read_uff(path, kind=kind, **options).frf()
+    reading = read_frfs(file, Asked(kind, **options))
+    if not reading.phase:
+        raise error_at(file.name, WITHOUT_PHASE, TableError)
+    return reading.frfs[0]
+
+
+def read_modes(path: str | os.PathLike[str]) -> Modes:
+    """Read the modes of a universal file (dataset 55) or an ``.npz`` file.
+
+    Raises
+    ------
+    UffError, TableError
+        If the file has no modes, several groups of them, or cannot be read.
+    """
+    suffix = existing(path).suffix.lower()
+    if suffix == ".npz":
+        return read_npz_modes(path)
+    if suffix not in UFF_SUFFIXES:
+        msg = f"{Path(path).name}: modes are read from .uff, .unv and .npz files, not '{suffix}'"
+        raise TableError(msg)
+    return read_uff(path).one_set_of_modes()

@@ -25,8 +25,7 @@ from fem.io.gmsh_elements import (
     row_codes,
 )
 from fem.io.gmsh_sections import MshFile, sections_of
-from fem.io.rawmesh import RawMesh
-from fem.io.rawsets import LineSets, listed
+from fem.io.rawmesh import LineSets, RawMesh, listed
 from fem.mesh import Mesh, MeshError
 
 _APPLIED = (

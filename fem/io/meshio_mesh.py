@@ -2,9 +2,10 @@
 
 import contextlib
 import io
+import os
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -12,10 +13,11 @@ from urllib.parse import unquote
 import numpy as np
 
 from fem.array_types import Ints
-from fem.io.faults import error_at
+from fem.elements.part_faces import PartFaces
+from fem.io.faults import error_at, no_file
 from fem.io.programs import ALLOWED
-from fem.io.rawmesh import RawMesh
-from fem.io.rawsets import LineSets, listed
+from fem.io.rawmesh import LineSets, RawMesh, listed
+from fem.matrices import Matrices, MatricesError, consistent_units
 from fem.mesh import MeshError
 
 SET_PREFIX = "set:"
@@ -243,3 +245,47 @@ def _by_number(found: Any, tag: str, numbers: Ints) -> _Sets:
         set_names = families.get(number) or [known.get(number, f"{word} {number}")]
         named += [(name, rows) for name in set_names]
     return named
+
+
+# The mesh of a part whose matrices are imported, for pictures -----------------------------------------------
+
+
+def read_part_faces(
+    path: str | os.PathLike[str], part: Matrices, units: str | Sequence[float] = "SI", *, held: bool = False
+) -> PartFaces:
+    """Read the outer surface of a part from a mesh with the same nodes, in any format that meshio reads.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        ``.vtu``, ``.inp``, ``.msh``, ``.bdf`` and others.
+    part : Matrices
+        The part, in SI units. Nodes are recognised by their places.
+    units : str or (length, mass, time)
+        Of the mesh's coordinates, as for :func:`fem.io.read_matrices`.
+    held : bool
+        Whether the part is fixed to the ground by itself; nodes without rows then are at rest.
+
+    Raises
+    ------
+    MatricesError
+        If the file cannot be read, or its mesh is not that of the part.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise MatricesError(no_file(file))
+    try:
+        found, _ = load(file)
+    except MeshError as reason:
+        raise MatricesError(str(reason)) from reason
+    points = np.asarray(found.points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3:
+        msg = f"{file.name}: points have shape {points.shape}; three coordinates each are expected"
+        raise MatricesError(msg)
+    cells = [(block.type, block.data) for block in found.cells]
+    length, _, _ = consistent_units(units)
+    try:
+        return PartFaces.of_cells(part, length * points, cells, held=held)
+    except MatricesError as reason:
+        msg = f"{file.name}: {reason}"
+        raise MatricesError(msg) from reason

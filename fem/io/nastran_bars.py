@@ -8,8 +8,7 @@ import numpy as np
 
 from fem.array_types import Bools, Floats, Ints
 from fem.elements.properties import STRAINS
-from fem.io.frame_deck import BarProperty, Bars, Connection
-from fem.io.frame_parts import axes_along, entry, parallel
+from fem.io.frame_deck import BarProperty, Bars, Connection, axes_along, entry, parallel
 from fem.io.nastran_deck import Card, NastranDeck
 from fem.io.nastran_properties import BEAMS, Profile, Properties
 from fem.model import DIRECTIONS

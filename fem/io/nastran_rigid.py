@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from fem.io.frame_deck import Connection
-from fem.io.frame_parts import Constraints, Motion, along, supports_of
+from fem.io.frame_deck import Connection, Constraints, Motion, along, supports_of
 from fem.io.nastran_deck import Card, NastranDeck
 
 ALL = (0, 1, 2, 3, 4, 5)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.referred import References
+from fem.analysis.frf import References
 from fem.array_types import Complexes, Floats
 from fem.model import Effect, Model, Parameter, ParameterRef
 from fem.recent import Unsent

@@ -18,8 +18,7 @@ from fem import (
     solve_campbell,
     solve_complex_modes,
 )
-from fem.analysis.complex_modes import DENSE_LIMIT
-from fem.analysis.whirl import whirl, whirl_name
+from fem.analysis.complex_modes import DENSE_LIMIT, whirl, whirl_name
 from fem.effects import Rotor, Spin
 from fem.model import skew
 from fem.system import rigid_motions

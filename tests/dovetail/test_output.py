@@ -15,8 +15,7 @@ import pytest
 
 from dovetail import OutputError, main
 from dovetail.commands.answer import Answer
-from dovetail.disk.exchange import exchanged
-from dovetail.disk.output import MARK, Output, Progress, check_outputs, result_folder, write_json
+from dovetail.disk.output import MARK, Output, Progress, check_outputs, exchanged, result_folder, write_json
 from dovetail.file import input_files
 from fem.io import WriteError
 from fem.io.atomic import replacing

@@ -10,8 +10,7 @@ import pytest
 from scipy.io import savemat
 
 from fem.io import G0, Asked, TableError, read_frf, read_frfs
-from fem.io.mat_hdf5 import read_hdf5
-from fem.io.trial import end_of_trial
+from fem.io.mat_hdf5 import end_of_trial, read_hdf5
 from tests.noise import complex_normal
 
 RNG = np.random.default_rng(4)

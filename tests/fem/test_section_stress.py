@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fem import LoadCase, MemberProperties, Section, StaticCases, assemble, solve_static
-from fem.analysis.section_stress import normal_stresses
+from fem.analysis.stations import normal_stresses
 from tests.frames import STEEL, beam, fix
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.joint_noise import ARMS, model_parts, noisy, parts
 from joint import Uncertain, couple, fit_joint, relative_coordinates, relative_form
-from joint.uncertainty import inverse_information, jackknife, model_share, peak_count
+from joint.joint_fit import inverse_information, jackknife, model_share, peak_count
 from tests.noise import complex_normal
 
 LINES = np.linspace(20.0, 1500.0, 120)

@@ -42,7 +42,7 @@ ALLOWED = {
     "fem/analysis/initial_stress.py": ("makes the prestress of a static state", {"Prestress"}),
     "fem/analysis/unbalance.py": ("varies the speed", {"Spin"}),
     "fem/analysis/campbell.py": ("varies the speed of rotors", {"Spin"}),
-    "fem/analysis/buckling_limits.py": (
+    "fem/analysis/buckling.py": (
         "takes that prestress apart, and asks what couples bending and torsion",
         {"Prestress", "ShearCentre"},
     ),
@@ -95,7 +95,6 @@ ALLOWED = {
     ),
     "dovetail/file/config.py": (BUILDS, {"Joint", "SectionShear"}),
     "dovetail/file/uncertain.py": (BUILDS, {"Joint", "SectionShear", "Superelement"}),
-    "dovetail/file/condensed.py": (BUILDS, {"Superelement"}),
     "dovetail/file/connections.py": (
         BUILDS,
         {

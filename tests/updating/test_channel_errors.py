@@ -9,7 +9,7 @@ import fem
 from tests.noise import complex_normal
 from updating import ChannelErrors, Measurement, Sensor, computed_frf, place_sensors
 from updating.inference import channel_scatter, fit_given, formed_problem
-from updating.least_squares.jacobian import DenseJacobian
+from updating.least_squares.costs import DenseJacobian
 
 LINES = np.arange(5.0, 400.0, 1.5)
 STEEL = fem.Material("steel", 210e9, 7850.0)

@@ -10,7 +10,7 @@ import pytest
 from fem import PointMass
 from updating.inference import Quadratic, by_size, log_evidence, log_occam_factor
 from updating.inference.fitting import _density
-from updating.least_squares.jacobian import DenseJacobian
+from updating.least_squares.costs import DenseJacobian
 
 
 def test_evidence_of_a_linear_model_is_exact():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from updating.forecast import ExpectedGains, Information, without
-from updating.least_squares.levels import Levels
+from updating.least_squares.costs import Levels
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from updating.forecast import Forecast
 from updating.inference import TWIN_NATS, EffectPrior, ModeProblem
 from updating.inference.joint_fit import JointLevels
 from updating.least_squares import ModeLevels
-from updating.least_squares.levels import Levels
+from updating.least_squares.costs import Levels
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from fem import Frame, Material, MemberProperties, Mesh, Model, Section
 from tests.noise import complex_normal
 from viz import models, shapes, surfaces
 from viz.layout import merge_names, place_labels
-from viz.triangles import circle_of_area, triangulate
+from viz.surfaces import circle_of_area, triangulate
 
 STEEL = Material("steel", 210e9, 7850)
 BOX = Section.hollow_rectangle(0.04, 0.06, 0.003)

@@ -15,10 +15,9 @@ from fem.array_types import Complexes, Floats
 from fem.linalg.solvers import one_thread
 from updating.ambient.ambient_modes import AmbientModes
 from updating.ambient.clusters import Cluster, clusters_of
-from updating.ambient.correlations import block_correlations
 from updating.ambient.record import AmbientRecord, prepare_record
 from updating.ambient.spectra import Peak, SingularSpectra, peaks_of, singular_spectra, spectra_mac
-from updating.ambient.subspace import SubspacePoles, decompose, fit_orders
+from updating.ambient.subspace import SubspacePoles, block_correlations, decompose, fit_orders
 from updating.correlation.complexity import mean_phase_deviation, modal_phase_collinearity
 
 

@@ -23,7 +23,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_data import FitData
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
-from updating.least_squares.loss import pseudo_huber
+from updating.least_squares.costs import pseudo_huber
 
 N_STARTS = 2
 """Points of a law's grid from which it is fitted."""

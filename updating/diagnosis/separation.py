@@ -25,8 +25,7 @@ from updating.inference.frf_function import FrfFunction
 from updating.inference.heartbeat import beat
 from updating.inference.preparation import prepared_like
 from updating.inference.scatter import form_scatter, with_channels
-from updating.least_squares.levels import Levels
-from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+from updating.least_squares.costs import Levels, pseudo_huber, pseudo_huber_weight
 from updating.measurement.measurement import STRAIN, Measurement, Sensor, directed_of
 
 N_COMPARED_LINES = 60

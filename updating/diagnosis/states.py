@@ -8,7 +8,7 @@ the second state's residuals are
     r' = k r + (1 - k) J ε + n' + √k σ ξ,  ξ ~ N(0, 1).
 
 So k r is carried over, as a change of the calibrated model's matrices in its modes
-(:mod:`updating.inference.carried_modes`). ε remains uncertain as the first state has left it, and acts on
+(:mod:`updating.inference.common_errors`). ε remains uncertain as the first state has left it, and acts on
 all modes together.
 
 Where the first state says that the model lacks something, δ is no constant: see
@@ -44,8 +44,7 @@ from updating.diagnosis.mode_diagnosis import (
 )
 from updating.diagnosis.mode_table import HALF
 from updating.inference.belief import TWIN_NATS
-from updating.inference.carried_modes import CarriedModes
-from updating.inference.common_errors import CommonErrors
+from updating.inference.common_errors import CarriedModes, CommonErrors
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress
 from updating.inference.mode_fit import BAD_PRIOR, FREQUENCY, SHAPE, ModeProblem, matched_modes

@@ -19,11 +19,10 @@ from fem.model import Effect, ParameterRef, parameter_values
 from updating.forecast.grid import Grid, Little
 from updating.forecast.look import Complexes, Floats, Look
 from updating.forecast.sizes import Sizes
-from updating.inference.effect_priors import prior_of
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
 from updating.inference.problem import Problem
-from updating.inference.unknowns import effect_unknowns
+from updating.inference.unknowns import effect_unknowns, prior_of
 
 MOST_VALUES, MOST_COMPARED = 10_000, 3_000
 """Largest number of values of FRFs that are used for gains, and where changes are kept to be compared."""

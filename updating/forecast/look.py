@@ -2,7 +2,7 @@
 
 Nothing is refitted here. Each candidate's grid is projected on the reduced basis once; after that a point of
 the grid costs what its few DOFs cost. Kinds of data differ in their changes of residuals alone, see
-:mod:`updating.inference.residual_changes`.
+:mod:`updating.inference.problem`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,9 +26,8 @@ from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES
 from updating.inference.heartbeat import beat
 from updating.inference.mode_fit import DOUBT
-from updating.inference.problem import Problem
-from updating.inference.residual_changes import ResidualChanges
-from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+from updating.inference.problem import Problem, ResidualChanges
+from updating.least_squares.costs import pseudo_huber, pseudo_huber_weight
 
 RELEASED = 0.01
 """A constraint counts as released, and hardly giving way, at this share of a size [-]."""

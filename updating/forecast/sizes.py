@@ -7,8 +7,7 @@ import numpy as np
 
 from fem.model import ParameterRef
 from updating.forecast.grid import Little
-from updating.inference.effect_priors import EffectPrior, prior_of
-from updating.inference.unknowns import ScaledUnknown, effect_unknowns
+from updating.inference.unknowns import EffectPrior, ScaledUnknown, effect_unknowns, prior_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

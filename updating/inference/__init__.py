@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     )
     from updating.inference.common_errors import CommonErrors
     from updating.inference.damped import LEAST_INSIDE, Continuation
-    from updating.inference.effect_priors import EffectPrior, log_occam_factor
     from updating.inference.fit_data import MODEL_ERROR, FitData, prepare, sensor_vectors
     from updating.inference.fit_function import ROBUST
     from updating.inference.fitting import FULL_LINES, fit_given
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     from updating.inference.sampling import sample
     from updating.inference.scatter import channel_scatter, form_scatter, scatter_of
     from updating.inference.solve import Prior, Solution, solve_robust
-    from updating.inference.unknowns import ScaledUnknown, effect_unknowns
+    from updating.inference.unknowns import EffectPrior, ScaledUnknown, effect_unknowns, log_occam_factor
     from updating.inference.workers import ALONE, Workers, cores
 else:
     __getattr__, __dir__ = names_on_use(__name__)

@@ -29,7 +29,7 @@ from updating.inference.mode_fit import ComputedModes
 from updating.inference.mode_targets import ModeTargets
 from updating.inference.problem import Problem
 from updating.inference.scatter import form_scatter
-from updating.least_squares.loss import pseudo_huber
+from updating.least_squares.costs import pseudo_huber
 from updating.measurement.measurement import Measurement
 
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF
-from fem.analysis.referred import References
+from fem.analysis.frf import FRF, References
 from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Model
 from fem.summary import fields_summary

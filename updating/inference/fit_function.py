@@ -11,16 +11,13 @@ import numpy as np
 
 from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.model import Effect, ParameterRef
-from updating.inference.effect_priors import EffectPrior, prior_of
 from updating.inference.fit_inputs import FitInputs
 from updating.inference.fit_result import FitResult
 from updating.inference.form_scatter import FormScatter
 from updating.inference.marginal import Quadratic
 from updating.inference.solve import TOLERANCE, Prior, Report, Residual, Solution, solve_robust
-from updating.inference.unknowns import ScaledUnknown, values_at
-from updating.least_squares.costs import Costs
-from updating.least_squares.jacobian import DenseJacobian, Jacobian
-from updating.least_squares.loss import pseudo_huber
+from updating.inference.unknowns import EffectPrior, ScaledUnknown, prior_of, values_at
+from updating.least_squares.costs import Costs, DenseJacobian, Jacobian, pseudo_huber
 
 ROBUST = 0.5
 """Residual at which the loss turns from quadratic to linear [nepers]."""

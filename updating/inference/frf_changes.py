@@ -16,7 +16,7 @@ from fem.reduction.terms import ReducedTerm
 from updating.correlation import complex_log
 from updating.inference.defaults import FULL_LINES
 from updating.inference.fit_result import FitResult
-from updating.inference.residual_changes import ResidualChanges
+from updating.inference.problem import ResidualChanges
 
 VISIBLE = 1e-3
 """Changes of the compared FRFs below this are not seen: the directions measured do not have them [nepers]."""

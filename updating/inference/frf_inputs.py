@@ -9,8 +9,8 @@ from typing import Self, TypeVar
 
 import numpy as np
 
+from fem.analysis.frf import References
 from fem.analysis.harmonic_balance import Receptances, Steady, solve_steady
-from fem.analysis.referred import References
 from fem.array_types import Complexes, Floats, Ints
 from fem.effects.joint_nonlinear import AmplitudeDependent
 from fem.model import Effect, ParameterRef, dofs_of
@@ -23,7 +23,7 @@ from updating.inference.fit_data import FitData, sensor_vectors
 from updating.inference.fit_inputs import FitInputs
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_targets import ModeTargets
-from updating.least_squares.levels import Levels
+from updating.least_squares.costs import Levels
 from updating.measurement.channel_errors import N_ERRORS
 from updating.measurement.measurement import (
     Measurement,

@@ -15,8 +15,7 @@ from updating.inference.frf_function import FrfFunction
 from updating.inference.frf_inputs import FrfInputs
 from updating.inference.mode_fit import ModeFunction, ModeProblem
 from updating.inference.solve import Solution
-from updating.least_squares.costs import Costs
-from updating.least_squares.loss import pseudo_huber
+from updating.least_squares.costs import Costs, pseudo_huber
 from updating.least_squares.mode_levels import ModeLevels
 
 

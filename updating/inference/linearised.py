@@ -10,9 +10,7 @@ from updating.inference.fit_function import ROBUST, FitFunction
 from updating.inference.fitting import FLAT
 from updating.inference.marginal import Quadratic
 from updating.inference.solve import Prior
-from updating.least_squares.costs import Costs
-from updating.least_squares.jacobian import DenseJacobian
-from updating.least_squares.loss import pseudo_huber_weight
+from updating.least_squares.costs import Costs, DenseJacobian, pseudo_huber_weight
 
 
 def whitened(function: FitFunction, levels: Costs, x: Floats, rows: Ints) -> tuple[Floats, Floats]:

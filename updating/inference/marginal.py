@@ -7,9 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fem.array_types import Complexes, Floats, Ints
-from updating.least_squares.costs import Costs
-from updating.least_squares.jacobian import Jacobian
-from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
+from updating.least_squares.costs import Costs, Jacobian, pseudo_huber, pseudo_huber_weight
 
 MOST_STEPS, MOST_HALVES = 12, 6
 """Steps to the most probable unknowns of a quadratic model, and halves of a step that goes too far."""

@@ -19,7 +19,7 @@ from fem.model import Effect, parameter_values
 from fem.reduction.parametric_modes import DampedMode, ModesAt, ModeStack
 from fem.reduction.terms import ReducedTerm, motions_of
 from updating.inference.fit_result import FitResult
-from updating.inference.residual_changes import Complexes, Floats, ResidualChanges
+from updating.inference.problem import Complexes, Floats, ResidualChanges
 
 VISIBLE = 0.1
 """Changes of the data below this are not seen: what was measured does not have them [standard deviations]."""

@@ -19,8 +19,7 @@ from fem.reduction.terms import ReducedTerm
 from fem.system import assemble
 from updating.inference.bases import BASIS_SHARE
 from updating.inference.belief import DISCREPANCY_MAX, FORM_DAMPING
-from updating.inference.carried_modes import CarriedModes
-from updating.inference.common_errors import CommonErrors
+from updating.inference.common_errors import CarriedModes, CommonErrors
 from updating.inference.defaults import BASIS_LINES, EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.fit_function import Errors, FitFunction, propagated

@@ -155,9 +155,8 @@ def build_problem(
     counted = data.frequency[data.mask.any(axis=(1, 2)) & ~data.held_out]
     if not counted.size:
         msg = (
-            f"no FRF of '{measurement.name}' can be compared: every value is 0, small compared with "
-            f"the others, or uncertain by more than {100 * NOISE_LIMIT:.0f} % "
-            f"(from {measurement.noise_source})"
+            f"no FRF of '{measurement.name}' can be compared: every value is 0, small compared with the "
+            f"others, or uncertain by more than {100 * NOISE_LIMIT:.0f} % (from {measurement.noise_source})"
         )
         raise MeasurementError(msg)
     stages = stages[stages >= counted[0]]

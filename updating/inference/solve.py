@@ -7,10 +7,8 @@ import numpy as np
 
 from fem.array_types import Bools, Complexes, Floats, Ints
 from fem.summary import fields_summary
-from updating.least_squares.costs import Costs
-from updating.least_squares.jacobian import DenseJacobian, Jacobian
+from updating.least_squares.costs import Costs, DenseJacobian, Jacobian, pseudo_huber, pseudo_huber_weight
 from updating.least_squares.levenberg_marquardt import Control, Linearisation, Stop, Tolerance, minimise
-from updating.least_squares.loss import pseudo_huber, pseudo_huber_weight
 
 Residual = Callable[[Floats, bool], tuple[Complexes, Complexes | None]]
 Linearised = Callable[[Floats], tuple[Complexes, Jacobian]]
@@ -129,7 +127,7 @@ def solve_robust(
     groups : ndarray of int (m,), optional
         Group of each residual; all in one unless given. Groups count by their size.
     linearised : callable, optional
-        Gives r and its :class:`updating.least_squares.jacobian.Jacobian` where that is not a dense array.
+        Gives r and its :class:`updating.least_squares.costs.Jacobian` where that is not a dense array.
     robust : float
         c, where the loss turns from quadratic to linear.
     max_iterations : int

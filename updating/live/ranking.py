@@ -22,7 +22,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import Progress, beating
-from updating.least_squares.loss import pseudo_huber
+from updating.least_squares.costs import pseudo_huber
 from updating.live.engine import LiveModel
 from updating.live.hypothesis import Hypothesis
 

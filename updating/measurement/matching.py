@@ -200,17 +200,15 @@ def match_geometry(
         if off.max() > tolerance:
             worst = list(labels)[int(np.argmax(off))]
             msg = (
-                f"labelled test point {worst} lies {off.max():.3g} m from mesh point {labels[worst]} "
-                "after the "
-                f"best rotation; the tolerance is {tolerance:g} m"
+                f"labelled test point {worst} lies {off.max():.3g} m from mesh point {labels[worst]} after "
+                f"the best rotation; the tolerance is {tolerance:g} m"
             )
             raise GeometryMatchError(msg)
         return _finish(test, mesh, tree, tolerance, scale, R, t, labels)
     if _spread(scaled) <= _COLLINEAR:
         msg = (
-            f"the {len(test)} test points lie on a line or are fewer than three, so the turn about it "
-            "cannot be "
-            "found; give axes='same' or points off the line"
+            f"the {len(test)} test points lie on a line or are fewer than three, so the turn about it cannot "
+            "be found; give axes='same' or points off the line"
         )
         raise GeometryMatchError(msg)
     found = _search(test, scaled, mesh, tree, tolerance, scale, labels)
@@ -445,9 +443,8 @@ def _chosen(
 ) -> GeometryMatch:
     if not found:
         msg = (
-            f"no placement brings more than two of the {n_test} test points within {tolerance:g} m of "
-            "mesh points; "
-            "look at units, tolerance, and whether the mesh has points where the test has"
+            f"no placement brings more than two of the {n_test} test points within {tolerance:g} m of mesh "
+            "points; look at units, tolerance, and whether the mesh has points where the test has"
         )
         raise GeometryMatchError(msg)
     best = found[0]
@@ -525,15 +522,13 @@ def _scale(test: Floats, mesh: Floats, unit: str | None) -> float:
     if len(fits) != 1:
         what = f"would fit in {' or '.join(fits)}" if fits else "fits in no unit"
         msg = (
-            f"the test points are {ratio:.3g} times as large as the mesh, which {what}; give the unit, "
-            "one of "
-            f"{', '.join(SCALES)}"
+            f"the test points are {ratio:.3g} times as large as the mesh, which {what}; give the unit, one "
+            f"of {', '.join(SCALES)}"
         )
         raise GeometryMatchError(msg)
     warnings.warn(
-        f"the test points are {ratio:.3g} times as large as the mesh: their coordinates look like "
-        f"{fits[0]} and are "
-        f"multiplied by {SCALES[fits[0]]:g}; give unit='{fits[0]}' to say so, or unit='m' if not",
+        f"the test points are {ratio:.3g} times as large as the mesh: their coordinates look like {fits[0]} "
+        f"and are multiplied by {SCALES[fits[0]]:g}; give unit='{fits[0]}' to say so, or unit='m' if not",
         stacklevel=3,
     )
     return SCALES[fits[0]]
@@ -663,9 +658,8 @@ def _triangles(corners: Floats, mesh: Floats, tolerance: float) -> Ints:
     # Placements of three points that are tried for each base
     if len(places) > 20_000:
         msg = (
-            f"{len(places)} triangles of mesh points are similar within {tolerance / 2:g} m; give fewer "
-            "mesh points, a "
-            "smaller tolerance, labels of three points or axes='same'"
+            f"{len(places)} triangles of mesh points are similar within {tolerance / 2:g} m; give fewer mesh "
+            "points, a smaller tolerance, labels of three points or axes='same'"
         )
         raise GeometryMatchError(msg)
     order = np.argsort(errors, kind="stable")

@@ -7,8 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fem.analysis.frf import FRF, FRFKind
-from fem.analysis.referred import References
+from fem.analysis.frf import FRF, FRFKind, References
 from fem.array_types import Floats, Ints
 from fem.effects.added_mass import AddedMass
 from fem.effects.moving_base import MovingBase, base_moved

@@ -23,7 +23,7 @@ from updating.forecast.look import Look
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress, beat
 from updating.inference.parameters import Nuisance
-from updating.least_squares.levels import Levels
+from updating.least_squares.costs import Levels
 from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Sensor
 from updating.plan.planned import USUAL_NOISE, as_planned, planned_measurement, usual_discrepancy

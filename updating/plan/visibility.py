@@ -21,13 +21,13 @@ from updating.diagnosis.evidence.hypothesis import Odds, near_to
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Little, distance
 from updating.forecast.information import ExpectedGains, Information
-from updating.inference.effect_priors import log_occam_factor
 from updating.inference.fit_data import SYSTEMATIC_FROM
 from updating.inference.fit_function import ROBUST
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
 from updating.inference.problem import Problem
-from updating.least_squares.loss import pseudo_huber
+from updating.inference.unknowns import log_occam_factor
+from updating.least_squares.costs import pseudo_huber
 
 POWER = 0.9
 """Probability with which an effect of a stated size is seen, or named [-]."""

@@ -9,7 +9,7 @@ import numpy as np
 from fem.array_types import Bools, Complexes, Floats
 from updating.correlation import complex_log
 from updating.inference.heartbeat import beat
-from updating.least_squares.loss import pseudo_huber
+from updating.least_squares.costs import pseudo_huber
 from updating.quality.corrections import Fault
 
 LEAST_MISFIT_RATIO = 2.2
