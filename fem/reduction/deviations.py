@@ -177,16 +177,21 @@ class DeviatingFRF(ParametricFRF):
         few, many, forward = (inward, outward, True) if n_in <= n_out else (outward, inward, False)
         by = self.factors(state)
         changing = self._changing(values, state, total, alone, connections=n_zeta > 1)
-        for part in (*self._constant_slopes, *changing):
-            pushed, answering = (X if part.along is None else _moved(X, part.along) for X in (few, many))
-            stack = part.matrices if forward else part.matrices.transpose(0, 2, 1)
-            products = _products(pushed, stack, _both(answering))
-            factors = np.array([by[f] if isinstance(f, str) else f for f in part.factors]).T * size[:, None]
-            products *= (factors * part.sizes * units[part.rows]).astype(np.complex64)[:, None, :, None]
-            products = products.transpose(2, 3, 0, 1) if forward else products.transpose(2, 1, 0, 3)
-            rows = np.where(part.rows < first, part.rows, part.rows - n_of_outputs)
-            for which in part.passes:
-                dH[rows[which]] += products[which]
+        parts = (*self._constant_slopes, *changing)
+        everywhere, places = _by_cost(parts, few.shape[1], many.shape[1], many.shape[3])
+        motions = [_complex(many), *_at_places(many, places)]
+        for group, answering in zip([everywhere, *([p] for p in places)], motions, strict=True):
+            on_basis = group is everywhere
+            every = _products([_forces(few, p, forward=forward, on_basis=on_basis) for p in group], answering)
+            for part, products in zip(group, every, strict=True):
+                factors = (
+                    np.array([by[f] if isinstance(f, str) else f for f in part.factors]).T * size[:, None]
+                )
+                products *= (factors * part.sizes * units[part.rows]).astype(np.complex64)[:, None, :, None]
+                by_row = products.transpose(2, 3, 0, 1) if forward else products.transpose(2, 1, 0, 3)
+                rows = np.where(part.rows < first, part.rows, part.rows - n_of_outputs)
+                for row, product in zip(rows, by_row, strict=True):
+                    dH[row] += product
         for at, S, factor in zip(self._rows, (self._stiff, self._lossy), (state.stiffness, 1j), strict=False):
             if S.size:
                 ui, uo = (_along(X, S) for X in (inward, outward))
@@ -266,32 +271,66 @@ def _moved(X: NDArray[np.float32], along: NDArray[np.float32]) -> NDArray[np.flo
 
 def _along(X: NDArray[np.float32], S: Floats) -> NDArray[np.complex64]:
     """Return what directions S (n, k) have of complex motions (n_freq, m, 2, n), (k, n_freq, m)."""
-    real, imaginary = _moved(X, S.T.astype(np.float32)).transpose(2, 3, 0, 1)
-    out = np.empty(real.shape, dtype=np.complex64)
-    out.real, out.imag = real, imaginary
+    return np.ascontiguousarray(_complex(_moved(X, S.T.astype(np.float32))).transpose(2, 0, 1))
+
+
+def _complex(X: NDArray[np.float32]) -> NDArray[np.complex64]:
+    """Return complex arrays of real and imaginary parts (n_freq, m, 2, ...)."""
+    out = np.empty((*X.shape[:2], *X.shape[3:]), dtype=np.complex64)
+    out.real, out.imag = X[:, :, 0], X[:, :, 1]
     return out
 
 
-def _both(B: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return complex motions (n_freq, j, 2, n) as factors of both parts of forces, (n_freq, 2, n, j, 2)."""
-    out = np.empty((len(B), 2, B.shape[3], B.shape[1], 2), dtype=np.float32)
-    out[:, 0] = B.transpose(0, 3, 1, 2)
-    out[:, 1, ..., 0], out[:, 1, ..., 1] = -out[:, 0, ..., 1], out[:, 0, ..., 0]
+def _at_places(X: NDArray[np.float32], places: Sequence[SlopesTogether]) -> list[NDArray[np.complex64]]:
+    """Return the motions of some places (n_freq, m, k) each, by one product for all."""
+    along = [p.along for p in places if p.along is not None]
+    if not along:
+        return []
+    ends = np.cumsum([len(Z) for Z in along])[:-1]
+    return np.split(_complex(_moved(X, np.concatenate(along))), ends, axis=2)
+
+
+def _by_cost(
+    parts: Sequence[SlopesTogether], n_few: int, n_many: int, n: int
+) -> tuple[list[SlopesTogether], list[SlopesTogether]]:
+    """Return the slopes whose forces are taken to the coordinates of a basis, and those that stay at places.
+
+    The motions of the many ends are taken to each place of the second sort, which pays where it has many
+    slopes: the loss of a whole member has one.
+    """
+    out: tuple[list[SlopesTogether], list[SlopesTogether]] = [], []
+    for part in parts:
+        m, k = part.matrices.shape[:2]
+        stays = n_few * m * n * (k + 2 * n_many) > n_many * k * (n + 2 * n_few * m)
+        out[part.along is not None and stays].append(part)
     return out
 
 
-def _products(
-    A: NDArray[np.float32], stack: NDArray[np.float32], both: NDArray[np.float32]
+def _forces(
+    X: NDArray[np.float32], part: SlopesTogether, *, forward: bool, on_basis: bool
 ) -> NDArray[np.complex64]:
-    """Return bᵀ X a for complex motions A (n_freq, i, 2, n), those b of :func:`_both`, matrices X (m, n, n).
+    """Return the forces of slopes, or of their transposes, against complex motions (n_freq, i, 2, n).
 
     Returns
     -------
-    ndarray (n_freq, i, m, j)
+    ndarray (n_freq, i, m, n) on the basis, or (n_freq, i, m, k) on the motions of the place
     """
-    (n_lines, n_a, _, n), n_b, m = A.shape, both.shape[3], len(stack)
-    forces = (A.reshape(-1, n) @ stack.reshape(-1, n).T).reshape(n_lines, n_a, 2, m, n)
-    # One product a line: of complex numbers as both parts beside each other.
-    forces = forces.transpose(0, 1, 3, 2, 4).reshape(n_lines, n_a * m, 2 * n)
-    out = forces @ both.reshape(n_lines, 2 * n, 2 * n_b)
-    return out.view(np.complex64).reshape(n_lines, n_a, m, n_b)
+    stack = part.matrices if forward else part.matrices.transpose(0, 2, 1)
+    m, n = stack.shape[:2]
+    motions = X if part.along is None else _moved(X, part.along)
+    forces = motions.reshape(-1, n) @ stack.reshape(-1, n).T
+    if on_basis and part.along is not None:
+        forces, n = forces.reshape(-1, n) @ part.along, X.shape[3]
+    return _complex(forces.reshape(*X.shape[:3], m, n))
+
+
+def _products(
+    forces: Sequence[NDArray[np.complex64]], motions: NDArray[np.complex64]
+) -> list[NDArray[np.complex64]]:
+    """Return fᵀ u, (n_freq, i, m, j) each, for forces (n_freq, i, m, k) and motions (n_freq, j, k)."""
+    if not forces:
+        return []
+    every = np.concatenate(forces, axis=2) if len(forces) > 1 else forces[0]
+    out = every.reshape(len(every), -1, every.shape[3]) @ motions.swapaxes(1, 2)
+    ends = np.cumsum([f.shape[2] for f in forces])[:-1]
+    return np.split(out.reshape(*every.shape[:3], -1), ends, axis=2)

@@ -75,8 +75,6 @@ class SlopesTogether:
         x, in parts of their largest entries.
     sizes : ndarray (n,)
         The largest entries.
-    passes : list of ndarray of int
-        The parts, each row at most once in each.
     """
 
     rows: Ints
@@ -84,7 +82,6 @@ class SlopesTogether:
     along: NDArray[np.float32] | None
     matrices: NDArray[np.float32]
     sizes: Floats
-    passes: list[Ints]
 
 
 def together(parts: Sequence[SlopePart], ranges: Ranges) -> list[SlopesTogether]:
@@ -106,7 +103,7 @@ def together(parts: Sequence[SlopePart], ranges: Ranges) -> list[SlopesTogether]
         single = (matrices / size[:, None, None]).astype(np.float32)
         single[np.abs(single) < TINY] = 0.0
         rows = np.array([i for i, *_ in group])
-        out.append(SlopesTogether(rows, [f for _, f, *_ in group], along, single, size, _passes(rows)))
+        out.append(SlopesTogether(rows, [f for _, f, *_ in group], along, single, size))
     return out
 
 
@@ -125,13 +122,3 @@ def _on_range(key: Any, L: Floats, matrices: Floats, ranges: Ranges) -> tuple[Fl
         before = [] if known is None else [known.S @ known.S.T]
         known = ranges[key] = Range.of(L, [*before, *matrices])
     return known.P @ matrices @ known.P.T, known.Z
-
-
-def _passes(rows: Ints) -> list[Ints]:
-    """Return the numbers of all rows, those that are equal in different arrays."""
-    out, left = [], np.arange(len(rows))
-    while len(left):
-        _, first = np.unique(rows[left], return_index=True)
-        out.append(left[first])
-        left = np.delete(left, first)
-    return out

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fem.reduction.deviations import _at_places, _by_cost, _complex, _forces, _products
 from fem.reduction.slopes_together import together
 from fem.reduction.terms import ReducedTerm
 
@@ -42,12 +43,32 @@ def test_a_stiff_spring_keeps_its_small_motion_beside_soft_ones():
         np.testing.assert_allclose(on_basis(group, k), expected, atol=1e-4 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("rows", [[0, 1, 2], [0, 0, 1], [4, 2, 4, 2, 4]])
-def test_parts_of_one_slope_are_added_one_after_the_other(rows):
-    L = RNG.standard_normal((6, 9))
-    (group,) = together([part(row, L, RNG.standard_normal(6)) for row in rows], {})
-    assert sorted(np.concatenate(group.passes)) == list(range(len(rows)))
-    assert all(len(set(group.rows[which])) == len(which) for which in group.passes)
+@pytest.mark.parametrize(("n_few", "n_many", "n_slopes"), [(1, 30, 1), (2, 30, 12), (3, 4, 5)])
+@pytest.mark.parametrize("forward", [True, False])
+def test_products_at_places_and_on_the_basis_agree_with_double_precision(n_few, n_many, n_slopes, forward):
+    L, (few, many) = RNG.standard_normal((6, 9)), (RNG.standard_normal((4, n, 2, 9)) for n in (n_few, n_many))
+    forces = RNG.standard_normal((n_slopes, 2, 6, 6))
+    (group,) = together([(k, "K", part(0, L, a[0])[2], a @ b.T) for k, (a, b) in enumerate(forces)], {})
+    a, b = (u[:, :, 0] + 1j * u[:, :, 1] for u in (few, many))
+    slopes = [L.T @ (x @ y.T) @ L for x, y in forces]
+    slopes = np.array([X if forward else X.T for X in slopes])
+    expected = np.einsum("lir,mqr,ljq->limj", a, slopes, b, optimize=True)
+    few, many = few.astype(np.float32), many.astype(np.float32)
+    for on_basis in (False, True):
+        (motions,) = [_complex(many)] if on_basis else _at_places(many, [group])
+        (products,) = _products([_forces(few, group, forward=forward, on_basis=on_basis)], motions)
+        found = products * group.sizes[:, None]
+        np.testing.assert_allclose(found, expected, atol=3e-6 * np.abs(expected).max())
+
+
+def test_the_loss_of_a_whole_member_is_evaluated_on_the_basis_and_many_springs_at_their_place():
+    """Motions of 60 ends at a place cost 60 k n products, forces of its slopes on the basis few."""
+    L = RNG.standard_normal((6, 40))
+    full = [(k, "K", part(0, L, RNG.standard_normal(6))[2], np.eye(6)) for k in range(20)]
+    (loss,), (springs,) = (together(parts, {}) for parts in (full[:1], full))
+    everywhere, places = _by_cost([loss, springs], 2, 60, 40)
+    assert everywhere == [loss]
+    assert places == [springs]
 
 
 def test_inertia_and_stiffness_at_the_same_places_are_apart():
