@@ -1,7 +1,7 @@
 """How probable the effects found are, alone and as parts of larger answers: one way to say it for all."""
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from dovetail.report.words import FAULT_NAMES, as_stiffness, effect_label
 from fem.model import Effect, covers
@@ -123,7 +123,8 @@ def replaced_text(d: Verdict, subject: str, effect: Effect) -> str:
 
 def hypotheses(d: Verdict) -> list[tuple[str, float]]:
     """Return the hypotheses in words with their probabilities; none where the search gives none."""
-    return without_rare([(label_of(d, names), p) for names, p in _merged(d)], reported(d))
+    known = _labels(d)
+    return without_rare([(_labelled(known, names), p) for names, p in _merged(d)], reported(d))
 
 
 def without_rare(known: Sequence[tuple[str, float]], kept: int = 0) -> list[tuple[str, float]]:
@@ -144,6 +145,15 @@ def without_rare(known: Sequence[tuple[str, float]], kept: int = 0) -> list[tupl
 
 def label_of(d: Verdict, names: Iterable[str]) -> str:
     """Return a hypothesis in words."""
+    return _labelled(_labels(d), names)
+
+
+def _labelled(known: Mapping[str, str], names: Iterable[str]) -> str:
+    return " and ".join(known.get(n, n) for n in names) or "nothing missing"
+
+
+def _labels(d: Verdict) -> dict[str, str]:
+    """Return the words of each part of a hypothesis by its name."""
     fitted = [e for x in reversed(d.explanations) for e in x.effects]  # the most probable position counts
     effects = [*d.candidates, *fitted, *d.found]
     known = {e.name: effect_label(e.kind, e.where) for e in effects}
@@ -151,4 +161,4 @@ def label_of(d: Verdict, names: Iterable[str]) -> str:
     if d.searched is not None:
         faults = {f.name: f"{f.sensor}: {FAULT_NAMES[f.kind]}" for f in d.searched.proposed_faults}
         known |= faults | {f"{AS_READ}{name}": f"not {text}" for name, text in faults.items()}
-    return " and ".join(known.get(n, n) for n in names) or "nothing missing"
+    return known

@@ -405,9 +405,8 @@ def ranked_label(r: Ranked) -> str:
     return effect_label(r.kind, r.where)
 
 
-def headline(result: RunResult[Verdict]) -> str:
+def headline(d: Verdict) -> str:
     """Return the verdict in plain sentences."""
-    d = result.diagnosis
     change = d.baseline is not None
     known = d.every_fault
     faults = " and ".join(map(fault_text, known[:3])) + (" …" if len(known) > 3 else "")
