@@ -57,7 +57,7 @@ def run(options: Options, progress: Progress) -> Answer:
         study,
         [*lines, *noted(notes, study.measured_notes)],
         {**fields, "notes": list(notes), "seconds": found.seconds},
-        sheets=[rounds.table(ranked, k) for k, ranked in enumerate(found.rounds) if ranked],
+        sheets=[rounds.table(ranked, k, found.model) for k, ranked in enumerate(found.rounds) if ranked],
         finished=found.verdict != UNFINISHED,
         shown=known,
     )

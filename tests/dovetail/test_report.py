@@ -36,8 +36,11 @@ from dovetail.report.found_lines import found_lines
 from dovetail.report.sections import rounds, uncertain
 from dovetail.result import _FORM as FORM_WORDS
 from dovetail.result import UncertainValue, diagnosis_dict, result_dict
-from fem import Parameter
+from dovetail.spots import spot_of, spot_text
+from fem import Frame, Material, MemberProperties, Model, Parameter, PointMass, Section
 from fem.effects import effect_classes
+from fem.io import read_mesh
+from fem.io.abaqus import abaqus_text
 from tests.frames import STUDY, cross_beam, portal
 from tests.studies import study_from
 from updating import EffectParameter, Fault, Finding, propose
@@ -207,7 +210,7 @@ def test_an_effect_that_fits_as_well_is_told_with_the_digits_of_the_difference(f
         assert "the prior decides, not the data" in text
     assert "has no twin" not in page
     assert "No candidate without it explains the data nearly as well" not in page
-    table = rounds.table([first, crack], 0)
+    table = rounds.table([first, crack], 0, found.diagnosis.model)
     assert "0.9998" in str(table)
     assert any(crack.fit_db in column.values for column in table.columns)
 
@@ -628,13 +631,33 @@ def test_a_place_is_said_by_node_coordinates_and_global_axis(tmp_path):
     (xyz,) = release.locations(study.model)
     mesh = study.model.mesh
     name = next(n for n, k in mesh.point_names.items() if np.allclose(mesh.points[k], xyz))
-    said = words.spot_text(release, study.model)
+    said = spot_text(release, study.model)
     assert said.startswith(f"at {name}, (")
     assert re.search(r"\(0, 0, 0\.5\) m, about global [xyz]$", said), said
     foot = next(iter(study.candidates("support_flexibility")))
-    assert re.match(r"at foot, end 1 of member post, \(0, 0, 0\) m", words.spot_text(foot, study.model))
+    assert re.match(r"at foot, end 1 of member post, \(0, 0, 0\) m", spot_text(foot, study.model))
     inside = next(e for e in study.candidates("point_mass") if e.member == "arm").with_values(position=0.1)
-    assert re.fullmatch(r"at \([\d., −]+\) m", words.spot_text(inside, study.model))
+    assert re.fullmatch(r"at \([\d., −]+\) m", spot_text(inside, study.model))
+
+
+def test_a_place_is_said_by_the_numbers_of_the_mesh_file(tmp_path):
+    """Numbers with gaps, of a mesh that is refined afterwards."""
+    rows = ["*NODE", "10, 0, 0, 0", "30, 0.4, 0, 0", "20, 1, 0, 0", "*ELEMENT, TYPE=B31", "7, 10, 30"]
+    (tmp_path / "bar.inp").write_text("\n".join([*rows, "5, 30, 20", ""]), encoding="utf-8")
+    mesh = read_mesh(tmp_path / "bar.inp")
+    steel = MemberProperties(Material("steel", 2e11, 7850.0), Section.circle(0.02))
+    (member,) = mesh.members
+    model = Model(mesh.refined(0.07), (Frame(members={member: steel}),))
+    (mass,) = PointMass.propose(model)
+    off, at_node = (spot_of(mass.with_values(position=s), model) for s in (0.45, 0.4))
+    assert off.text == "in element 5, nodes 30 to 20 (node 30 is 0.05 m away), (0.45, 0, 0) m"
+    assert off.fields()["between_nodes"] == [30, 20]
+    assert at_node.text == "at node 30, (0.4, 0, 0) m"
+    assert at_node.short == "node 30"
+    (tmp_path / "again.inp").write_text(abaqus_text(mesh), encoding="utf-8")
+    again = read_mesh(tmp_path / "again.inp").numbers
+    assert again.nodes.tolist() == [10, 30, 20]
+    assert again.elements.tolist() == [7, 5]
 
 
 def test_uncertain_parameters_that_did_not_move_are_folded(found):

@@ -55,6 +55,7 @@ def test_result_json_has_the_documented_keys(done, root):
         "kind",
         "where",
         "name",
+        "spot",
         "parameters",
         "twins",
         "rival",
@@ -63,6 +64,9 @@ def test_result_json_has_the_documented_keys(done, root):
         "next_measurements",
     }
     assert set(effect) == own
+    spots = effect["spot"], result["ranking"][0][0]["spot"]
+    for spot in spots:
+        assert spot["xyz"] == pytest.approx(done.diagnosis.found[0].locations(done.diagnosis.model)[0])
     assert all(set(p) == {"name", "value", "unit", "std", "at_bound"} for p in effect["parameters"])
     assert [set(e) for e in result["error_db"]] == [{"step", "fit", "held_out", "level"}] * 3
     assert result["error_db"][-1]["fit"] < 0.2 * result["error_db"][1]["fit"]

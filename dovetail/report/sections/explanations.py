@@ -23,7 +23,7 @@ def table(d: Verdict) -> Table:
     return Table.of(
         "explanations",
         Column("probability", [e.probability for e in few], show=".2f"),
-        Column("explanation", [explanation_text(e) for e in few]),
+        Column("explanation", [explanation_text(e, d.model) for e in few]),
     )
 
 
@@ -38,7 +38,9 @@ def lines(d: Verdict) -> list[str | Table]:
 
 def credible(d: Verdict) -> TableBlock:
     """Return the explanations of the credible set with their values for a page."""
-    rows = [[f"{k}: {explanation_text(e)}", percent(e.probability)] for k, e in enumerate(d.credible, 1)]
+    rows = [
+        [f"{k}: {explanation_text(e, d.model)}", percent(e.probability)] for k, e in enumerate(d.credible, 1)
+    ]
     caption = "The fewest explanations that have a probability of 90 % together."
     return TableBlock(["explanation", "probability"], rows, numbers=(1,), caption=caption, at_most=12)
 
