@@ -188,7 +188,8 @@ def equal_fit_text(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> st
         p = percent(float(sum(p for names, p in d.posterior if r.name in names)))
         n = digits_apart(accepted.similarity, [r.similarity])
         errors = against_text(r.fit_db, accepted.fit_db)
-        texts.append(f"{ranked_label(r)} ({errors}, similarity {r.similarity:.{n}f}; probability {p})")
+        like = f"similarity {r.similarity:.{n}f}; probability, alone or with others, {p}"
+        texts.append(f"{ranked_label(r)} ({errors}, {like})")
     more = " …" if len(finding.equal_fits) > 4 else ""
     return f"these data are fitted as well by {'; '.join(texts)}{more}: the prior decides, not the data"
 
@@ -201,7 +202,7 @@ def no_rival_text(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> str
     other = max((x for x in without if x.effects), key=lambda x: x.probability, default=None)
     if other is not None:
         return (
-            f"The most probable explanation without it that was fitted is {other.label}: probability "
+            f"The most probable explanation without it that was fitted is {other.label}, and nothing else: "
             f"{percent(other.probability)}."
         )
     if len(ranked) > 1:
@@ -267,7 +268,7 @@ def departure_text(d: Departure) -> str:
     if not d.rivals:
         return text
     others = "; ".join(
-        f"{' and '.join(effect_label(e.kind, e.where) for e in effects)} ({percent(p)})"
+        f"{' and '.join(effect_label(e.kind, e.where) for e in effects)} (probability {percent(p)})"
         for effects, p in d.rivals
     )
     return f"{text}. Possible instead: {others}"

@@ -308,7 +308,7 @@ def test_the_simpler_answer_says_what_is_more_probable_with_more_effects(found):
     other = next(e for e in found.diagnosis.candidates if e.name != name)
     d = with_posterior(found, ((other.name, name), 0.64), ((name,), 0.36)).diagnosis
     text = probability_details(d)
-    assert "Alone: 36\u00a0%" in text
+    assert "This effect alone: 36\u00a0%" in text
     label = probable.label_of(d, [other.name])  # at its most probable position
     assert label.startswith(other.kind.replace("_", " "))
     assert f"with {label} in addition: 64\u00a0%, too close to decide" in text
@@ -326,7 +326,7 @@ def test_an_effect_counts_in_every_answer_that_has_it(found, album):
     lines = found_lines(both.diagnosis)
     for text in (page, "\n".join(lines)):
         assert "Probability of this effect, alone or with others: 99\u00a0%" in text
-        assert text.index("Alone: 55\u00a0%") > text.index("alone or with others: 99\u00a0%")
+        assert text.index("This effect alone: 55\u00a0%") > text.index("alone or with others: 99\u00a0%")
     assert "It has no twin: no answer without it is nearly as probable." in page
 
 
@@ -337,10 +337,10 @@ def test_an_answer_of_several_effects_is_named_where_it_could_replace_one(found,
     page = report_html(pair, album)
     label = probable.label_of(pair.diagnosis, [first.name, second.name])
     assert len(label.split(" and ")) == 2
-    assert f"It may be replaced by another answer: {label} (35\u00a0%)." in page
+    assert f"It may be replaced by another answer: {label}, and nothing else (35\u00a0%)." in page
     assert "has no twin" not in page
     assert "alone or with others: 60\u00a0%" in page
-    assert "Alone: 60\u00a0%" in page
+    assert "This effect alone: 60\u00a0%" in page
 
 
 def test_each_of_several_effects_has_its_own_probability(found):
@@ -750,7 +750,9 @@ def test_a_finding_without_a_rival_names_what_was_fitted_without_it():
     def text(explanations, n_ranked):
         return words.no_rival_text(SimpleNamespace(explanations=explanations), finding, [None] * n_ranked)
 
-    assert text([with_it, *others, nothing, unknown], 3).endswith("fitted is joint: probability 20\u00a0%.")
+    assert text([with_it, *others, nothing, unknown], 3).endswith(
+        "fitted is joint, and nothing else: 20\u00a0%."
+    )
     assert (
         text([with_it, nothing, unknown], 3)
         == "Each other candidate that was fitted in its place contains it."

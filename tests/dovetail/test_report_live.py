@@ -203,7 +203,7 @@ def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
     page = report_html(sure, Album(tmp_path), figures.make_all(sure))
     head, rest = page.split("<main", 1)
     assert "Probability of this effect, alone or with others: 93\u00a0%" in head
-    assert "Alone: 93\u00a0%" in rest
+    assert "This effect alone: 93\u00a0%" in rest
     assert re.search(r"nothing missing</th><td[^>]*>5\u00a0%", rest)
     assert "something that the library does not have" in rest
     reported, others = figures.make_all(sure).known["probability"].data
