@@ -14,7 +14,7 @@ from dovetail.file.contents import SourceDeck, StudyContents
 from dovetail.file.estimates import estimate_key
 from dovetail.file.table import StudyError
 from dovetail.report import words
-from dovetail.result import program_version
+from dovetail.result import parameter_in_words, program_version
 from fem.analysis.modes import first_modes
 from fem.effects.instrument_form import DriverForm, SensorForm
 from fem.effects.instruments import DriverMass, SensorMass, Stinger
@@ -228,29 +228,36 @@ def exported(
     )
     found = {name: text for name, text in found.items() if name not in out}
     model = model.with_values({ref: s for ref, s in placed.items() if ref[0] not in out})
+    named = {e.name: words.effect_label(e.kind, e.where) for e in study.model.effects}
     notes = [
-        f"{ref[0]}: at the nearest node, {rough_length(abs(s - study.model.values()[ref]))} away, within the "
-        "standard deviation of its position"
+        f"{named[ref[0]]}: at the nearest node, {rough_length(abs(s - study.model.values()[ref]))} away, "
+        "within the standard deviation of its position"
         for ref, s in placed.items()
     ]
     notes += [
-        f"not in this file, {why}: {', '.join(name for name, other in out.items() if other == why)}"
+        f"not in this file, {why}: {'; '.join(named[name] for name, other in out.items() if other == why)}"
         for why in dict.fromkeys(out.values())
     ]
     notes += [
-        f"not in this file, change the part's own model: {ref[0]}: {each.text}"
+        f"not in this file, change the part's own model: {each.text}"
         for ref, each in sure.items()
         if ref not in moved
     ]
-    if others := [f"{ref[0]}: {each.text}" for ref, each in values.items() if each.sure and not fitted]:
+    if others := [each.text for each in values.values() if each.sure and not fitted]:
         notes.append(f"not in this file, fitted values; --fitted exports them: {'; '.join(others)}")
     near = "fitted within a standard deviation of the value before"
     unsure = [ref for ref, each in values.items() if not each.sure]
     for why, refs in ((near, unsure), ("form within its usual range", left)):
         if refs:
-            notes.append(f"not in this file, {why}: {', '.join(f'{e} {p}' for e, p in refs)}")
-    lines = (f"found by {head}", *_lines(found), *(f"{ref[0]}: {each.text}" for ref, each in moved.items()))
+            notes.append(f"not in this file, {why}: {'; '.join(in_words(study.model, ref) for ref in refs)}")
+    lines = (f"found by {head}", *_lines(found), *(each.text for each in moved.values()))
     return Exported(model, before if found or moved else model, found, lines, tuple(notes))
+
+
+def in_words(model: Model, ref: ParameterRef) -> str:
+    """Return a parameter of a model's effect in words."""
+    unit = next(p.unit for p in model.effect(ref[0]).parameters() if p.name == ref[1])
+    return parameter_in_words(model, ".".join(ref), unit)
 
 
 def _at_nodes(
@@ -328,6 +335,7 @@ def _fitted(study: StudyContents, added: Collection[str]) -> dict[ParameterRef, 
             if e is None or math.isnan(e.before) or e.before == p.value:
                 continue
             text = words.with_unit(p.value, p.unit, e.std)
-            text = f"{p.name} {text} instead of {words.with_unit(e.before, p.unit)}"
+            before = words.with_unit(e.before, p.unit)
+            text = f"{in_words(study.model, (effect.name, p.name))} {text} instead of {before}"
             out[effect.name, p.name] = Fitted(e.before, text, not abs(p.value - e.before) <= e.std)
     return out

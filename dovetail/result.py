@@ -92,6 +92,8 @@ class UncertainValue:
         True if the fit ended at the edge of the allowed range.
     form_of : str
         Section or connection whose form it lets vary; empty for others.
+    where : str
+        Place of its effect; empty of what belongs to no effect.
     """
 
     name: str
@@ -102,6 +104,7 @@ class UncertainValue:
     std: float
     at_bound: bool
     form_of: str = ""
+    where: str = ""
 
     @property
     def moved(self) -> float:
@@ -126,19 +129,30 @@ class UncertainValue:
     @property
     def words(self) -> str:
         """Its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
-        return uncertain_words(self.name, self.unit, self.form_of)
+        return uncertain_words(self.name, self.unit, self.form_of, self.where)
 
 
-def uncertain_words(name: str, unit: str, form_of: str) -> str:
+def parameter_in_words(model: Model, name: str, unit: str) -> str:
+    """Return ``effect.parameter`` in words, such as ``mass of excitation at K`` or ``E of steel``."""
+    effect = next((e for e in model.effects if name.startswith(f"{e.name}.")), None)
+    if effect is None:
+        return uncertain_words(name, unit, "")
+    parameter = name.removeprefix(f"{effect.name}.")
+    form_of = effect.where if effect.is_form else ""
+    return uncertain_words(f"{effect.kind}.{parameter}", unit, form_of, effect.where)
+
+
+def uncertain_words(name: str, unit: str, form_of: str, where: str = "") -> str:
     """Return the name of an uncertain parameter in words; arguments as of :class:`UncertainValue`."""
-    effect, _, parameter = name.partition(".")
+    # effects may have dots in their names, and so may materials, of which all values belong to the frame
+    effect, _, parameter = name.partition(".") if name.startswith("frame.") else name.rpartition(".")
     if form_of:
         names = _FORM if unit == "-" else ADDED
         return f"{form_of}: {names.get(parameter, parameter)}"
-    if not parameter or " " in effect:
+    if not effect or (" " in effect and not where):
         return name
     key, _, of = parameter.partition(":")
-    return f"{_QUANTITIES.get(key, key) if of else key} of {of or effect}"
+    return f"{_QUANTITIES.get(key, key) if of else key.replace('_', ' ')} of {of or where or effect}"
 
 
 def form_words(parameters: Iterable[Parameter]) -> str:
@@ -271,6 +285,7 @@ def uncertain_values(problem: Problem[Any], final: FitResult, model: Model) -> t
                 float(final.std.get(u.ref, np.nan)),
                 bool(np.isfinite(moved) and abs(moved) > 3.9),
                 effect.where if effect.is_form else "",
+                effect.where,
             )
         )
     if (test := problem.test_of(final)) is not None:

@@ -85,7 +85,7 @@ def test_what_was_found_becomes_cards_with_their_deviations(found, tmp_path, cap
     )
     printed = capsys.readouterr().out.replace("\u00a0", " ")
     assert "stiffness 20.00 ± 0.40 kN·m/rad instead of rigid" in printed
-    assert "E:steel 200.0 ± 1.0 GPa instead of 210 GPa" in printed
+    assert "E of steel 200.0 ± 1.0 GPa instead of 210 GPa" in printed
     assert "note: take out of the supports of node 1: ry" in printed
     nastran, abaqus, ansys = (path.read_text() for path in files.values())
     for text in (nastran, abaqus, ansys):

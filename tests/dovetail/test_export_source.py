@@ -349,7 +349,7 @@ def test_deck_that_includes_the_effects_alone_is_the_deck_with_the_effects(made,
     capsys.readouterr()
     assert main(["export", "s/found.toml", f"--{program}", str(cards)]) == 0
     printed, written = capsys.readouterr().out, cards.read_text()
-    left = f"not in this file, fitted values; --fitted exports them: {modulus.replace('.', ': ', 1)} 199.0"
+    left = f"not in this file, fitted values; --fitted exports them: E of {modulus.partition(':')[2]} 199.0"
     assert left in printed
     old, new = INCLUDED.get(program, ("/SOLU", f"{written}\n/SOLU"))
     including = text.replace(old, new, 1)
@@ -409,7 +409,7 @@ def test_effects_without_a_card_are_named_with_the_reason(found, capsys):
     assert main(["export", "s/found.toml", "--nastran", "cards.bdf"]) == 2
     error = capsys.readouterr().err
     assert "no card is for its [[effects]]: not in this file, uncertain form; --fitted exports" in error
-    assert f"known {form}" in error
+    assert "section form: section of member " in error
     assert not Path("cards.bdf").exists()
 
 
@@ -480,7 +480,9 @@ def test_form_beside_the_effects_is_that_of_the_report(found, capsys):
     )
     printed = capsys.readouterr().out
     assert "Iy 0.030 ± 0.010" in printed
-    assert f"note: not in this file, form within its usual range: known {form} A" in printed
+    member_name = form.partition(":")[2]
+    usual = f"form within its usual range: section of member {member_name}: mass per length"
+    assert f"note: not in this file, {usual}" in printed
     assert not numbers(Path("cards.bdf").read_text(), "MAT1")  # A changes a section's mass by its density
     assert re.search(r"frequencies agree with those of the study to [\d.e-]+ %", printed)
 

@@ -284,7 +284,7 @@ def test_two_directions_of_a_joint_are_one_sentence_and_an_extension_is_no_other
         "also consistent with joint complex stiffness: joint bolt, along x, whose loss factor 0.020 ± 0.030"
         in text
     )
-    assert re.search(r"along x: above 99\s%; .*along y: 99\s%; exactly these effects: 87\s%", text)
+    assert re.search(r"along x above 99\s%, .*along y 99\s%; exactly these effects: 87\s%", text)
     law = findings[0].twins[0]
     assert (findings[0].alternatives, findings[0].extensions) == ((), (law,))
 
@@ -548,6 +548,13 @@ def test_the_structure_is_drawn(found, tmp_path):
 )
 def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
     assert UncertainValue(name, "-", 0.0, 0.0, 0.1, 0.1, at_bound=False).words == said
+
+
+def test_values_of_instruments_are_called_by_their_place():
+    mass = UncertainValue("driver_mass:3.mass", "kg", 0, 0, 1, 1, at_bound=False, where="excitation at K")
+    assert mass.words == "mass of excitation at K"
+    form = ("-", 0, 0, 1, 1, False, "section of member leg.1")
+    assert UncertainValue("section_form:leg.1.A", *form).words == "section of member leg.1: mass per length"
 
 
 def test_the_form_of_a_connection_is_named_by_its_place(found):
