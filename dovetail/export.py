@@ -14,7 +14,7 @@ from dovetail.file.contents import SourceDeck, StudyContents
 from dovetail.file.estimates import estimate_key
 from dovetail.file.table import StudyError
 from dovetail.report import words
-from dovetail.result import program_version
+from dovetail.result import parameter_in_words, program_version
 from fem.analysis.modes import first_modes
 from fem.effects.instrument_form import DriverForm, SensorForm
 from fem.effects.instruments import DriverMass, SensorMass, Stinger
@@ -93,7 +93,7 @@ class Exported:
 
 
 def exported_deck(
-    study: StudyContents, *, whole: bool, effects_only: bool = False
+    study: StudyContents, *, whole: bool, fitted: bool = False
 ) -> tuple[ModelDeck, tuple[str, ...]]:
     """Return a study's model as a deck, or the cards for what was found, and sentences on what they are.
 
@@ -108,23 +108,24 @@ def exported_deck(
         found = _effects(study, whole=True)[0]
         lines = (f"model of {_head(study)}", *_lines(found))
         return _titled(deck_of(study.model, study.name), found), lines
-    nodes = study.model.mesh.points if effects_only else None
-    one = exported(study, effects_only=effects_only, nodes=nodes)
+    nodes = study.model.mesh.points if not fitted else None
+    one = exported(study, fitted=fitted, nodes=nodes)
     if not one.found and one.model is one.before:
-        values = "" if effects_only else ", and no fitted values in [estimates]"
-        raise StudyError(_no_effects(study, one, f"{values}; --whole exports the model"))
+        values = ", and no fitted values in [estimates]" if fitted else ""
+        more = "" if fitted else "--fitted exports fitted values, "
+        raise StudyError(_no_effects(study, one, f"{values}; {more}--whole exports the model"))
     deck = changed_deck(deck_of(one.model, study.name), deck_of(one.before, study.name))
     deck = _titled(deck, one.found)
     return replace(deck, notes=(*one.notes, *deck.notes)), one.lines
 
 
 def exported_edit(
-    study: StudyContents, source: SourceDeck, *, effects_only: bool = False
+    study: StudyContents, source: SourceDeck, *, fitted: bool = False
 ) -> tuple[DeckEdit, Exported]:
     """Return the cards that make a study's source deck the study's model, and that model.
 
-    Fitted values within a standard deviation of the nominal ones are left out, as are the test's instruments;
-    with ``effects_only`` all fitted values are.
+    They are for the effects, without the test's instruments; with ``fitted`` also for fitted values farther
+    than their standard deviation from the nominal ones, and for the form outside its usual range.
 
     Raises
     ------
@@ -135,10 +136,13 @@ def exported_edit(
     SourceError
         If cards cannot keep its numbers.
     """
-    nodes = model_of(read_deck(source.file, source.units)).mesh.points if effects_only else None
-    one = exported(study, effects_only=effects_only, nodes=nodes)
-    if effects_only and not one.found:
-        raise StudyError(_no_effects(study, one, "; dovetail run writes them into found.toml"))
+    nodes = model_of(read_deck(source.file, source.units)).mesh.points if not fitted else None
+    one = exported(study, fitted=fitted, nodes=nodes)
+    if not fitted and not one.found:
+        remedy = (
+            "; dovetail run writes them into found.toml, and --fitted exports fitted values and other changes"
+        )
+        raise StudyError(_no_effects(study, one, remedy))
     deck = _titled(deck_of(one.model, study.name), one.found)
     edit = CHANGES[program_of(source.file)](deck, source.file, DeckUnits.of(source.units))
     if not edit.lines and not edit.notes:
@@ -190,61 +194,70 @@ def _head(study: StudyContents) -> str:
 
 
 def exported(
-    study: StudyContents, *, effects_only: bool = False, nodes: NDArray[np.float64] | None = None
+    study: StudyContents, *, fitted: bool = False, nodes: NDArray[np.float64] | None = None
 ) -> Exported:
     """Return the model to export, and the same without what was found.
 
-    With ``effects_only`` all uncertain parameters, and the form, are as before they were fitted, and effects
+    Unless ``fitted``, all uncertain parameters, and the form, are as before they were fitted, and effects
     are at the nearest of the deck's ``nodes`` (n, 3) [m] that is within the standard deviation of their
     position: no element need then be divided.
     """
     found, usual, std = _effects(study)
-    fitted = _fitted(study, found)
+    values = _fitted(study, found)
     placed = {} if nodes is None else _at_nodes(study.model, std, nodes)
     head = _head(study)
     out = {
         e.name: "it belongs to the test, not to the structure"
         if isinstance(e, OF_THE_TEST)
-        else "uncertain form"
-        if effects_only
+        else "uncertain form; --fitted exports what of it the report names"
+        if not fitted
         else "form within its usual range"
         for e in study.model.effects
         if isinstance(e, OF_THE_TEST)
-        or (e.is_form and (effects_only or len(usual.get(e.name, {})) == len(e.parameters())))
+        or (e.is_form and (not fitted or len(usual.get(e.name, {})) == len(e.parameters())))
     }
     left = {(name, p): absent for name, of in usual.items() if name not in out for p, absent in of.items()}
     model = study.model.without_effect(*out).with_values(left)
     # a part has its model in the other program: change that, rather than add thousands of entries to it
     parts = {e.name for e in model.effects if e.reduced_part}
-    sure = {ref: each for ref, each in fitted.items() if each.sure and not effects_only}
+    sure = {ref: each for ref, each in values.items() if each.sure and fitted}
     moved = {ref: each for ref, each in sure.items() if ref[0] not in parts}
-    model = model.with_values({ref: each.nominal for ref, each in fitted.items() if ref not in moved})
+    model = model.with_values({ref: each.nominal for ref, each in values.items() if ref not in moved})
     before = model.without_effect(*(name for name in found if name not in out)).with_values(
         {ref: each.nominal for ref, each in moved.items()}
     )
     found = {name: text for name, text in found.items() if name not in out}
     model = model.with_values({ref: s for ref, s in placed.items() if ref[0] not in out})
+    named = {e.name: words.effect_label(e.kind, e.where) for e in study.model.effects}
     notes = [
-        f"{ref[0]}: at the nearest node, {rough_length(abs(s - study.model.values()[ref]))} away, within the "
-        "standard deviation of its position"
+        f"{named[ref[0]]}: at the nearest node, {rough_length(abs(s - study.model.values()[ref]))} away, "
+        "within the standard deviation of its position"
         for ref, s in placed.items()
     ]
     notes += [
-        f"not in this file, {why}: {', '.join(name for name, other in out.items() if other == why)}"
+        f"not in this file, {why}: {'; '.join(named[name] for name, other in out.items() if other == why)}"
         for why in dict.fromkeys(out.values())
     ]
     notes += [
-        f"not in this file, change the part's own model: {ref[0]}: {each.text}"
+        f"not in this file, change the part's own model: {each.text}"
         for ref, each in sure.items()
         if ref not in moved
     ]
-    near = "as before the fit" if effects_only else "fitted within a standard deviation of the value before"
-    unsure = [ref for ref in fitted if ref not in sure]
+    if others := [each.text for each in values.values() if each.sure and not fitted]:
+        notes.append(f"not in this file, fitted values; --fitted exports them: {'; '.join(others)}")
+    near = "fitted within a standard deviation of the value before"
+    unsure = [ref for ref, each in values.items() if not each.sure]
     for why, refs in ((near, unsure), ("form within its usual range", left)):
         if refs:
-            notes.append(f"not in this file, {why}: {', '.join(f'{e} {p}' for e, p in refs)}")
-    lines = (f"found by {head}", *_lines(found), *(f"{ref[0]}: {each.text}" for ref, each in moved.items()))
+            notes.append(f"not in this file, {why}: {'; '.join(in_words(study.model, ref) for ref in refs)}")
+    lines = (f"found by {head}", *_lines(found), *(each.text for each in moved.values()))
     return Exported(model, before if found or moved else model, found, lines, tuple(notes))
+
+
+def in_words(model: Model, ref: ParameterRef) -> str:
+    """Return a parameter of a model's effect in words."""
+    unit = next(p.unit for p in model.effect(ref[0]).parameters() if p.name == ref[1])
+    return parameter_in_words(model, ".".join(ref), unit)
 
 
 def _at_nodes(
@@ -322,6 +335,7 @@ def _fitted(study: StudyContents, added: Collection[str]) -> dict[ParameterRef, 
             if e is None or math.isnan(e.before) or e.before == p.value:
                 continue
             text = words.with_unit(p.value, p.unit, e.std)
-            text = f"{p.name} {text} instead of {words.with_unit(e.before, p.unit)}"
+            before = words.with_unit(e.before, p.unit)
+            text = f"{in_words(study.model, (effect.name, p.name))} {text} instead of {before}"
             out[effect.name, p.name] = Fitted(e.before, text, not abs(p.value - e.before) <= e.std)
     return out

@@ -22,7 +22,7 @@ from dovetail.file.writing import (
     with_element_sizes,
     with_parameters,
 )
-from dovetail.report.words import fault_text
+from dovetail.report.words import fault_text, place
 from dovetail.result import (
     FRFS,
     RunResult,
@@ -269,7 +269,7 @@ def text_with_model(
 
 
 def with_units(text: str, effects: Iterable[Effect]) -> str:
-    """Return a study's text with the units of values of effects, and the meanings of those of the form."""
+    """Return a study's text with places of effects, units of values, and what those of the form mean."""
     tree, comments = tomllib.loads(text), {}
     named = {e.name.removeprefix("known "): e for e in effects}
     tables = [(("effects", i), t.get("candidate", "")) for i, t in enumerate(tree.get("effects", []))]
@@ -277,9 +277,12 @@ def with_units(text: str, effects: Iterable[Effect]) -> str:
     for path, name in tables:
         for p in named[name].parameters() if name in named else ():
             comments[(*path, p.name)] = p.unit
+        if name in named:
+            comments[(*path, "candidate")] = place(named[name].where)
     for name in tree.get("fitted_form", {}):
         if name in named:
-            comments["fitted_form", name] = form_words(named[name].parameters())
+            where = place(named[name].where)
+            comments["fitted_form", name] = f"{where}: {form_words(named[name].parameters())}"
     return with_comments(text, {path: unit for path, unit in comments.items() if unit not in ("", "-")})
 
 

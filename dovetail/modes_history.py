@@ -44,7 +44,7 @@ class StateChange:
         """What has changed since the baseline, in words."""
         d = self.diagnosis
         if d.verdict == EFFECT:
-            return explanation_text(d.reported)
+            return explanation_text(d.reported, d.model)
         return "nothing" if d.verdict == NOTHING else "not explained"
 
     @property

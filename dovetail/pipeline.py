@@ -54,7 +54,7 @@ from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
 from updating.inference.form import with_form
 from updating.inference.formed import formed_problem
-from updating.inference.heartbeat import beating
+from updating.inference.heartbeat import Lasting, beating
 from updating.inference.joint_fit import mode_problem_of
 from updating.inference.preparation import N_FIT_LINES, prepared_like
 from updating.measurement.measurement import Measurement
@@ -64,6 +64,9 @@ from updating.quality.faults import corrected
 Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction done, 0 to 1."""
 
+WRITING = "writing the report"
+"""How progress calls all that follows the verdict."""
+
 
 def run(
     study: StudyContents,
@@ -72,6 +75,7 @@ def run(
     *,
     force: bool = False,
     processes: int = 1,
+    on_verdict: Callable[[RunResult[Any]], None] | None = None,
 ) -> RunResult[Any]:
     """Find what a study's model lacks, and write a report.
 
@@ -90,6 +94,8 @@ def run(
         Whether to write into a folder that holds other files.
     processes : int
         Number of processes that fit in parallel.
+    on_verdict : callable, optional
+        Called with the verdict and its tables before comparisons and pictures for the report are made.
 
     Raises
     ------
@@ -102,7 +108,12 @@ def run(
     if not has_modes_alone(study):
         measured(study, phases=False)
     return _written(
-        study, out, lambda say: analyse(study, out, say, processes), progress, diagnosing=0.85, force=force
+        study,
+        out,
+        lambda say: analyse(study, out, say, processes, on_verdict),
+        progress,
+        diagnosing=0.85,
+        force=force,
     )
 
 
@@ -140,12 +151,17 @@ def _written(
     return result
 
 
-def analyse(study: StudyContents, folder: Path, say: Progress, processes: int = 1) -> RunResult[Any]:
+def analyse(
+    study: StudyContents,
+    folder: Path,
+    say: Progress,
+    processes: int = 1,
+    on_verdict: Callable[[RunResult[Any]], None] | None = None,
+) -> RunResult[Any]:
     """Compare, diagnose and locate; nothing is drawn or written."""
     start_time = time.perf_counter()
     diagnosis = diagnose_any(study, _part(say, 0.0, 0.9), processes)
-    say("comparing", 0.9)
-    return analysed(study, diagnosis, folder, start_time, _part(say, 0.9, 1.0))
+    return analysed(study, diagnosis, folder, start_time, _part(say, 0.9, 1.0), on_verdict)
 
 
 def diagnose_any(
@@ -163,6 +179,7 @@ def analysed(
     folder: Path,
     start_time: float,
     progress: Progress | None = None,
+    on_verdict: Callable[[RunResult[Any]], None] | None = None,
 ) -> RunResult[Any]:
     """Return what a diagnosis means for the report: comparisons, places of the misfit, modes.
 
@@ -176,37 +193,53 @@ def analysed(
         ``time.perf_counter()`` when the work began [s].
     progress : callable, optional
         Called with a text and the fraction done.
+    on_verdict : callable, optional
+        Called with the verdict and its tables, before the rest is computed.
     """
+    say = progress or (lambda text, done: None)
     more: dict[str, Any] = {}
+    told: dict[str, Any] = {}
     if by_frfs(diagnosis):
-        more = _compared_frfs(study, diagnosis)
+        told = {
+            "measured_modes": measured_modes(diagnosis),
+            "held_out_channels": held_out_errors(study, diagnosis),
+        }
     if by_modes_alone(diagnosis):
-        more = {"measured_modes": diagnosis.modes, "reported": reported_modes(diagnosis)}
-    more["excluded"] = excluded(study, diagnosis, progress)
-    return RunResult(
+        told = {"measured_modes": diagnosis.modes}
+    result = RunResult(
         study=study,
         diagnosis=diagnosis,
         uncertain=uncertain_parameters(diagnosis),
         finished=datetime.now().astimezone(),
         seconds=time.perf_counter() - start_time,
         folder=folder,
-        **more,
+        **told,
     )
+    if on_verdict is not None:
+        on_verdict(result)
+    say(Lasting(WRITING), 0.0)
+    if by_frfs(diagnosis):
+        more = _compared_frfs(study, diagnosis, say)
+    if by_modes_alone(diagnosis):
+        more = {"reported": reported_modes(diagnosis)}
+    more["excluded"] = excluded(study, diagnosis, progress)
+    seconds = time.perf_counter() - start_time
+    return replace(result, finished=datetime.now().astimezone(), seconds=seconds, **more)
 
 
-def _compared_frfs(study: StudyContents, d: Diagnosis) -> dict[str, Any]:
+def _compared_frfs(study: StudyContents, d: Diagnosis, say: Progress) -> dict[str, Any]:
     """Return what measured FRFs tell beside the diagnosis."""
+    say(f"{WRITING}: comparing", 0.1)
     problem, steps = d.problem, d.steps
     nominal, _, fitted = modes_of(d)
     frfs = (d.frf(k) for k in range(len(steps)))
-    return {
+    more: dict[str, Any] = {
         "comparisons": tuple(compare(problem.measured, frf, N_BANDS, problem.data.mask) for frf in frfs),
-        "held_out_channels": held_out_errors(study, d),
         "localisation": locate(problem, steps[min(1, len(steps) - 1)].result, N_BANDS),
         "modes": pair_modes(nominal, fitted, d.model.mesh.n_points),
-        "measured_modes": measured_modes(d),
-        "identified": modes_in_frfs(study, d, nominal, fitted),
     }
+    say(f"{WRITING}: identifying modes in the FRFs", 0.3)
+    return more | {"identified": modes_in_frfs(study, d, nominal, fitted)}
 
 
 def measured_modes(d: Diagnosis) -> ModeTable | None:

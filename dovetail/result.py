@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dovetail.distribution import DISTRIBUTION
 from dovetail.file.contents import StudyContents
+from dovetail.spots import axis_text, spot_of
 from fem.model import Effect, Model, Parameter
 from fem.summary import summary
 from updating.correlation import DB_PER_NEPER, Comparison
@@ -91,6 +92,8 @@ class UncertainValue:
         True if the fit ended at the edge of the allowed range.
     form_of : str
         Section or connection whose form it lets vary; empty for others.
+    where : str
+        Place of its effect; empty of what belongs to no effect.
     """
 
     name: str
@@ -101,6 +104,7 @@ class UncertainValue:
     std: float
     at_bound: bool
     form_of: str = ""
+    where: str = ""
 
     @property
     def moved(self) -> float:
@@ -125,19 +129,30 @@ class UncertainValue:
     @property
     def words(self) -> str:
         """Its name as a reader would say it: ``E of steel`` for ``frame.E:steel``."""
-        return uncertain_words(self.name, self.unit, self.form_of)
+        return uncertain_words(self.name, self.unit, self.form_of, self.where)
 
 
-def uncertain_words(name: str, unit: str, form_of: str) -> str:
+def parameter_in_words(model: Model, name: str, unit: str) -> str:
+    """Return ``effect.parameter`` in words, such as ``mass of excitation at K`` or ``E of steel``."""
+    effect = next((e for e in model.effects if name.startswith(f"{e.name}.")), None)
+    if effect is None:
+        return uncertain_words(name, unit, "")
+    parameter = name.removeprefix(f"{effect.name}.")
+    form_of = effect.where if effect.is_form else ""
+    return uncertain_words(f"{effect.kind}.{parameter}", unit, form_of, effect.where)
+
+
+def uncertain_words(name: str, unit: str, form_of: str, where: str = "") -> str:
     """Return the name of an uncertain parameter in words; arguments as of :class:`UncertainValue`."""
-    effect, _, parameter = name.partition(".")
+    # effects may have dots in their names, and so may materials, of which all values belong to the frame
+    effect, _, parameter = name.partition(".") if name.startswith("frame.") else name.rpartition(".")
     if form_of:
         names = FORM_QUANTITIES if unit == "-" else ADDED
         return f"{form_of}: {names.get(parameter, parameter)}"
-    if not parameter or " " in effect:
+    if not effect or (" " in effect and not where):
         return name
     key, _, of = parameter.partition(":")
-    return f"{_QUANTITIES.get(key, key) if of else key} of {of or effect}"
+    return f"{_QUANTITIES.get(key, key) if of else key.replace('_', ' ')} of {of or where or effect}"
 
 
 def form_words(parameters: Iterable[Parameter]) -> str:
@@ -270,6 +285,7 @@ def uncertain_values(problem: Problem[Any], final: FitResult, model: Model) -> t
                 float(final.std.get(u.ref, np.nan)),
                 bool(np.isfinite(moved) and abs(moved) > 3.9),
                 effect.where if effect.is_form else "",
+                effect.where,
             )
         )
     if (test := problem.test_of(final)) is not None:
@@ -311,16 +327,6 @@ def channels_of(m: Measurement, final: FitResult) -> list[UncertainValue]:
             )
             out += [moved] if moved.far else []
     return out
-
-
-def axis_text(t: ArrayLike) -> str:
-    """Return a direction in words: an axis, or its components."""
-    t = np.asarray(t, dtype=float)
-    k = int(np.argmax(np.abs(t)))
-    # Component of a direction from which on it is called by the name of its axis [-]
-    if abs(t[k]) > 0.999:
-        return f"{'+' if t[k] > 0 else '−'}{'xyz'[k]}"
-    return "(" + ", ".join(f"{c:.2f}" for c in t) + ")"
 
 
 def program_version() -> str:
@@ -393,9 +399,9 @@ def diagnosis_dict(d: Verdict) -> dict[str, Any]:
     return {
         "verdict": d.verdict,
         "reason": d.reason,
-        "effects": [_finding(f) | (_rivals(f) if by_frfs(d) else {}) for f in d.findings],
+        "effects": [_finding(f, d.model) | (_rivals(f, d.model) if by_frfs(d) else {}) for f in d.findings],
         "posterior": [{"effects": names, "probability": p} for names, p in d.posterior],
-        "credible": [_explanation(e) for e in d.credible],
+        "credible": [_explanation(e, d.model) for e in d.credible],
         "places": [{"place": name, "misfit_left": share} for name, share in d.places],
         "uncertain": [uncertain_dict(u) for u in uncertain_parameters(d)],
         **(_of_frfs(d) if by_frfs(d) else {}),
@@ -415,7 +421,7 @@ def _of_frfs(d: Diagnosis) -> dict[str, Any]:
         "discretisation_db": d.discretisation_db,
         "basis_db": d.basis_db,
         "gates": [asdict(c) for c in d.gates.checks] if d.gates else [],
-        "ranking": [[_ranked(r) for r in round_] for round_ in d.rounds],
+        "ranking": [[_ranked(r, d.model) for r in round_] for round_ in d.rounds],
         "form": [_departure(f) for f in d.departures],
     }
 
@@ -447,7 +453,7 @@ def _of_modes(d: ModeDiagnosis) -> dict[str, Any]:
         "next_measurements": list(d.next_measurements),
         "modes": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
         "frequency_error": mode_errors(m),
-        **({} if d.judged is None else {"baseline": _baseline(d.judged)}),
+        **({} if d.judged is None else {"baseline": _baseline(d.judged, d.model)}),
     }
 
 
@@ -475,23 +481,23 @@ def modes_dict(m: ModeTable | None) -> dict[str, Any]:
     return {"measured_modes": {"modes": rows, "error": mode_errors(m)}}
 
 
-def _baseline(judged: Baseline) -> dict[str, Any]:
+def _baseline(judged: Baseline, model: Model) -> dict[str, Any]:
     """Return what the first state says of the calibrated model."""
     t, found = judged.first.problem.targets, judged.first.computed.frequency
     rows = zip(t.frequency, found, judged.first.missed, strict=True)
     return {
         "stands": judged.diagnosis is None,
         "modes": [{"measured_Hz": f, "calibrated_Hz": g, "missed_std": off} for f, g, off in rows],
-        "causes": [_explanation(c) for c in judged.causes],
+        "causes": [_explanation(c, model) for c in judged.causes],
     }
 
 
-def _explanation(e: Explanation) -> dict[str, Any]:
+def _explanation(e: Explanation, model: Model) -> dict[str, Any]:
     effects = zip(e.effects, e.parameters, strict=True)
     return {
         "explanation": e.label,
         "probability": e.probability,
-        "effects": [_finding(Finding(x, parameters, ())) for x, parameters in effects],
+        "effects": [_finding(Finding(x, parameters, ()), model) for x, parameters in effects],
     }
 
 
@@ -629,17 +635,27 @@ def _deviation(d: Diagnosis) -> NDArray[np.float64]:
     return np.full(d.measured.H.shape, np.nan) if spread is None else spread
 
 
-def _finding(f: Finding) -> dict[str, Any]:
-    parameters = [_parameter(p) for p in f.parameters]
-    return {"kind": f.effect.kind, "where": f.effect.where, "name": f.effect.name, "parameters": parameters}
+def _finding(f: Finding, model: Model) -> dict[str, Any]:
+    return {
+        "kind": f.effect.kind,
+        "where": f.effect.where,
+        "name": f.effect.name,
+        "spot": _spot(f.effect, model),
+        "parameters": [_parameter(p) for p in f.parameters],
+    }
 
 
-def _rivals(f: Finding) -> dict[str, Any]:
+def _spot(effect: Effect | None, model: Model) -> dict[str, Any] | None:
+    spot = None if effect is None else spot_of(effect, model)
+    return None if spot is None else spot.fields()
+
+
+def _rivals(f: Finding, model: Model) -> dict[str, Any]:
     """Return what could stand in the place of a finding, and what tells them apart."""
     return {
-        "twins": [_ranked(t) for t in f.twins],
-        "rival": _ranked(f.rival) if f.rival else None,
-        "equal_fits": [_ranked(r) for r in f.equal_fits],
+        "twins": [_ranked(t, model) for t in f.twins],
+        "rival": _ranked(f.rival, model) if f.rival else None,
+        "equal_fits": [_ranked(r, model) for r in f.equal_fits],
         "decisive": [asdict(d) for d in f.decisive],
         "next_measurements": [
             {"twin": t.name, "proposals": [asdict(p) for p in proposals]}
@@ -648,11 +664,12 @@ def _rivals(f: Finding) -> dict[str, Any]:
     }
 
 
-def _ranked(r: Ranked) -> dict[str, Any]:
+def _ranked(r: Ranked, model: Model) -> dict[str, Any]:
     return {
         "kind": r.kind,
         "where": r.where,
         "name": r.name,
+        "spot": _spot(r.effect, model),
         "parameters": [_parameter(p) for p in r.parameters],
         "level_db": r.level * DB_PER_NEPER,
         "fit_db": r.fit_db,

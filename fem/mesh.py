@@ -49,6 +49,47 @@ class Location:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class FileNumbers:
+    """Numbers of nodes and elements in the file of a mesh, by their places.
+
+    By places, as refined and merged meshes have other points and lines than the file.
+
+    Attributes
+    ----------
+    nodes : ndarray of int (n,)
+    points : ndarray (n, 3)
+        Of the nodes [m].
+    elements : ndarray of int (m,)
+    ends : ndarray of int (m, 2)
+        Rows of the nodes at both ends of each element.
+    """
+
+    nodes: Ints
+    points: Floats
+    elements: Ints
+    ends: Ints
+
+    def nearest_node(self, xyz: ArrayLike) -> tuple[int, float]:
+        """Return the number of the node nearest to given coordinates, and its distance [m]."""
+        distance = np.linalg.norm(self.points - np.asarray(xyz, dtype=float), axis=1)
+        row = int(np.argmin(distance))
+        return int(self.nodes[row]), float(distance[row])
+
+    def element_at(self, xyz: ArrayLike, reach: float) -> tuple[int, tuple[int, int]] | None:
+        """Return number and nodes of the element within ``reach`` [m] of coordinates; None without one."""
+        a, b = self.points[self.ends[:, 0]], self.points[self.ends[:, 1]]
+        xyz, t = np.asarray(xyz, dtype=float), b - a
+        length = np.maximum(np.einsum("ij,ij->i", t, t), 1e-300)
+        xi = np.clip(np.einsum("ij,ij->i", xyz - a, t) / length, 0.0, 1.0)
+        distance = np.linalg.norm(a + xi[:, None] * t - xyz, axis=1)
+        row = int(np.argmin(distance)) if len(distance) else 0
+        if not len(distance) or distance[row] > reach:
+            return None
+        first, second = self.nodes[self.ends[row]].tolist()
+        return int(self.elements[row]), (first, second)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
     """A frame's lines in space.
 
@@ -66,6 +107,8 @@ class Mesh:
         Names of points.
     notes : tuple of str
         Omissions and suspicions of the reader, a sentence each; changed copies keep them.
+    numbers : FileNumbers or None
+        Numbers of nodes and elements in the file; changed copies keep them.
     kept : Recent
         Arrays that follow from the mesh alone and are asked for many times: positions along members, and the
         pattern of its matrices. Changed copies have others.
@@ -77,6 +120,7 @@ class Mesh:
     groups: Mapping[str, tuple[str, ...]]
     point_names: Mapping[str, int]
     notes: tuple[str, ...] = ()
+    numbers: FileNumbers | None = None
     kept: Recent = field(default_factory=lambda: Recent(_KEPT), init=False, repr=False)
 
     def __repr__(self) -> str:
@@ -155,6 +199,7 @@ class Mesh:
         groups: Mapping[str, tuple[str, ...]],
         point_names: Mapping[str, int],
         notes: tuple[str, ...],
+        numbers: FileNumbers | None = None,
     ) -> "Mesh":
         for array in (points, lines, *members.values()):
             array.flags.writeable = False
@@ -165,7 +210,13 @@ class Mesh:
             MappingProxyType(dict(groups)),
             MappingProxyType(dict(point_names)),
             notes,
+            numbers,
         )
+
+    def _changed(
+        self, points: Floats, lines: Ints, members: Mapping[str, Ints], names: Mapping[str, int]
+    ) -> "Mesh":
+        return self._frozen(points, lines, members, self.groups, names, self.notes, self.numbers)
 
     @property
     def n_points(self) -> int:
@@ -317,7 +368,7 @@ class Mesh:
         """Return a mesh with a last point (3,) [m] on no line, for links, masses and joints."""
         points = np.vstack([self.points, np.asarray(xyz, dtype=float)])
         names = {**self.point_names, **({} if name is None else {name: self.n_points})}
-        return self._frozen(points, self.lines.copy(), self.members, self.groups, names, self.notes)
+        return self._changed(points, self.lines.copy(), self.members, names)
 
     def with_point_on(self, member: str, position: float, name: str | None = None) -> "Mesh":
         """Return a mesh with a point at a position along a member, splitting a line where there is none yet.
@@ -333,7 +384,7 @@ class Mesh:
             if name is None:
                 return self
             names[name] = int(self.member_points(chain)[near])
-            return self._frozen(self.points, self.lines, self.members, self.groups, names, self.notes)
+            return self._changed(self.points, self.lines, self.members, names)
         points = np.vstack([self.points, self.point_at(location)])
         new = self.n_points
         a, b = self.lines[location.line]
@@ -345,13 +396,13 @@ class Mesh:
         members[chain] = np.insert(rows, at + 1, self.n_lines)
         if name is not None:
             names[name] = new
-        return self._frozen(points, lines, members, self.groups, names, self.notes)
+        return self._changed(points, lines, members, names)
 
     def with_point(self, xyz: ArrayLike, name: str) -> "Mesh":
         """Return a mesh with one more point, on no line; existing points keep their indices."""
         points = np.vstack([self.points, np.asarray(xyz, dtype=float)])
         names = {**self.point_names, name: self.n_points}
-        return self._frozen(points, self.lines, self.members, self.groups, names, self.notes)
+        return self._changed(points, self.lines, self.members, names)
 
     def refined(self, size: float | None = None, counts: Mapping[str, int] | None = None) -> "Mesh":
         """Return a mesh with more lines along the members; existing points keep their indices.
@@ -420,7 +471,7 @@ class Mesh:
         rows = (np.cumsum(pieces) - pieces)[chains[of]] + step
         members = dict(zip(self.members, _parts(rows, np.bincount(member[of])), strict=True))
         points = np.vstack([self.points, inner])
-        return self._frozen(points, lines, members, self.groups, self.point_names, self.notes)
+        return self._changed(points, lines, members, self.point_names)
 
 
 def _counted(counts: Ints) -> tuple[Ints, Ints]:

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
+from PIL import Image
 
 INK = "#1f2328"
 """Text, axes and measured data."""
@@ -104,16 +105,27 @@ def save(figure: Figure, path: str | Path, dpi: float = DPI) -> Path:
     """Write a figure to a file in the format of its suffix (png, pdf, svg) and return the path."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with look():
-        figure.savefig(path, dpi=dpi)
+    if path.suffix.lower() == ".png":
+        path.write_bytes(figure_png(figure, dpi))
+    else:
+        with look():
+            figure.savefig(path, dpi=dpi)
     return path
 
 
 def figure_png(figure: Figure, dpi: float = DPI) -> bytes:
-    """Return a figure as PNG, to embed it in a page."""
-    buffer = BytesIO()
+    """Return a figure as PNG.
+
+    It is drawn once: `savefig` draws a figure with a layout engine a first time for its layout alone.
+    """
+    buffer, before = BytesIO(), figure.dpi
+    canvas = FigureCanvasAgg(figure)
     with look():
-        figure.savefig(buffer, format="png", dpi=dpi)
+        figure.set_dpi(dpi)
+        canvas.draw()
+        image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        figure.set_dpi(before)
+    image.save(buffer, "PNG", dpi=(dpi, dpi))
     return buffer.getvalue()
 
 

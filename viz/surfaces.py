@@ -163,8 +163,8 @@ def joined(surfaces: Sequence[Surface]) -> Surface:
     return Surface(*(np.concatenate([getattr(s, f.name) for s in moved]) for f in fields(Surface)))
 
 
-def hermite(xi: ArrayLike, length: float, ends: ArrayLike, rotations: ArrayLike) -> tuple[Floats, Floats]:
-    """Interpolate the motion of a line's axis between its ends, in local axes.
+def hermite(xi: ArrayLike, length: ArrayLike, ends: ArrayLike, rotations: ArrayLike) -> tuple[Floats, Floats]:
+    """Interpolate the motion of lines' axes between their ends, in local axes.
 
     Axial displacement and twist are linear. Deflections v and w are the cubics with the end values and the
     end slopes v' = θz and w' = -θy; the rotations in between are the slopes of the cubics.
@@ -173,28 +173,29 @@ def hermite(xi: ArrayLike, length: float, ends: ArrayLike, rotations: ArrayLike)
     ----------
     xi : array_like (n,)
         Fractions of the length, 0 to 1 [-].
-    length : float
-        Length of the line [m].
-    ends : array_like (2, 3)
+    length : array_like (...,)
+        Length of each line [m].
+    ends : array_like (..., 2, 3)
         Displacements of the two ends along local x, y, z [m].
-    rotations : array_like (2, 3)
+    rotations : array_like (..., 2, 3)
         Rotations of the two ends about local x, y, z [rad].
 
     Returns
     -------
-    displacement, rotation : ndarray (n, 3)
+    displacement, rotation : ndarray (..., n, 3)
         In local axes [m, rad].
     """
-    xi = np.asarray(xi, dtype=float)
+    xi, L = np.asarray(xi, dtype=float), np.asarray(length, dtype=float)[..., None]
     u, theta = np.asarray(ends, dtype=float), np.asarray(rotations, dtype=float)
     linear = np.stack([1 - xi, xi], axis=1)
-    value = np.stack([1 - 3 * xi**2 + 2 * xi**3, 3 * xi**2 - 2 * xi**3], axis=1)
-    slope = length * np.stack([xi - 2 * xi**2 + xi**3, xi**3 - xi**2], axis=1)
-    d_value = np.stack([-6 * xi + 6 * xi**2, 6 * xi - 6 * xi**2], axis=1) / length
-    d_slope = np.stack([1 - 4 * xi + 3 * xi**2, 3 * xi**2 - 2 * xi], axis=1)
-    v, w = (value @ u[:, k] + sign * slope @ theta[:, r] for k, r, sign in ((1, 2, 1), (2, 1, -1)))
-    dv, dw = (d_value @ u[:, k] + sign * d_slope @ theta[:, r] for k, r, sign in ((1, 2, 1), (2, 1, -1)))
-    return np.stack([linear @ u[:, 0], v, w], axis=1), np.stack([linear @ theta[:, 0], -dw, dv], axis=1)
+    value = np.stack([1 - 3 * xi**2 + 2 * xi**3, 3 * xi**2 - 2 * xi**3], axis=1) @ u
+    slope = np.stack([xi - 2 * xi**2 + xi**3, xi**3 - xi**2], axis=1) @ theta
+    d_value = np.stack([-6 * xi + 6 * xi**2, 6 * xi - 6 * xi**2], axis=1) @ u
+    d_slope = np.stack([1 - 4 * xi + 3 * xi**2, 3 * xi**2 - 2 * xi], axis=1) @ theta
+    v, w = value[..., 1] + L * slope[..., 2], value[..., 2] - L * slope[..., 1]
+    dv, dw = d_value[..., 1] / L + d_slope[..., 2], d_value[..., 2] / L - d_slope[..., 1]
+    axial, twist = (linear @ u)[..., 0], (linear @ theta)[..., 0]
+    return np.stack([axial, v, w], axis=-1), np.stack([twist, -dw, dv], axis=-1)
 
 
 def extrude(
@@ -256,19 +257,20 @@ def extrude(
             msg = f"{name} has shape {have}; {want} is expected for {len(points)} points and {n} lines"
             raise ValueError(msg)
 
-    caps: dict[int, tuple[Outlines, Ints]] = {}
+    every = _axes(points[lines], motion[lines], R, arms, rigid, pieces)
+    swept: dict[tuple[int, int], tuple[Floats, Ints, Ints, Ints, Ints]] = {}
     parts: list[tuple[Any, ...]] = []
     start = 0
-    for k, (a, b) in enumerate(lines):
-        centre, moved, turned = _axis(points[[a, b]], motion[[a, b]], R[k], arms[k], rigid[k], pieces)
-        loops = outlines[k]
-        if id(loops) not in caps:
-            caps[id(loops)] = (loops, triangulate(loops))
-        ring = np.vstack([anticlockwise(loop, hole=i > 0) for i, loop in enumerate(loops)])
-        arm = ring @ R[k, 1:]
-        m, stations = len(ring), len(centre)
-        triangles, edges, rim = _sweep(loops, stations)
-        cap, last = caps[id(loops)][1], m * (stations - 1)
+    for k, loops in enumerate(outlines):
+        along = slice(None) if rigid[k].any() else slice(1, -1)
+        centre, moved, turned = (part[k, along] for part in every)
+        stations = len(centre)
+        if (id(loops), stations) not in swept:
+            ring = np.vstack([anticlockwise(loop, hole=i > 0) for i, loop in enumerate(loops)])
+            swept[id(loops), stations] = (ring, *_sweep(loops, stations), triangulate(loops))
+        ring, triangles, edges, rim, cap = swept[id(loops), stations]
+        m = len(ring)
+        last = m * (stations - 1)
         if closed[k, 0]:
             triangles, edges = np.vstack([triangles, cap[:, ::-1]]), np.vstack([edges, rim])
         if closed[k, 1]:
@@ -276,7 +278,7 @@ def extrude(
         parts.append(
             (
                 np.repeat(centre, m, axis=0),
-                np.tile(arm, (stations, 1)),
+                np.tile(ring @ R[k, 1:], (stations, 1)),
                 np.repeat(moved, m, axis=0),
                 np.repeat(turned, m, axis=0),
                 triangles + start,
@@ -288,27 +290,29 @@ def extrude(
     return Surface(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _axis(
+def _axes(
     ends: Floats, motion: Floats, R: Floats, arms: Floats, rigid: Floats, pieces: int
 ) -> tuple[Floats, Floats, Floats]:
-    """Return centres, displacements and rotations of stations along a line's axis, (n_stations, 3)."""
+    """Return centres, displacements and rotations of stations along lines' axes, (n_lines, pieces + 3, 3).
+
+    The first and the last station are the outer ends of the rigid lengths.
+    """
     outer = ends + arms
-    inner = outer + np.outer([1.0, -1.0], R[0]) * rigid[:, None]
-    length = float(np.linalg.norm(inner[1] - inner[0]))
-    turn = motion[:, 3:]
+    inner = outer + np.array([1.0, -1.0])[:, None] * rigid[:, :, None] * R[:, :1]
+    length = np.linalg.norm(inner[:, 1] - inner[:, 0], axis=1)
+    turn, to_local = motion[..., 3:], R.transpose(0, 2, 1)
 
     def rigid_to(places: Floats) -> Floats:
-        return motion[:, :3] + np.cross(turn, places - ends)
+        return motion[..., :3] + np.cross(turn, places - ends)
 
     xi = np.linspace(0, 1, pieces + 1)
-    local_u, local_theta = hermite(xi, length, rigid_to(inner) @ R.T, turn @ R.T)
-    centre = inner[0] + xi[:, None] * (inner[1] - inner[0])
-    moved, turned = local_u @ R, local_theta @ R
-    if rigid.any():
-        moved_ends = rigid_to(outer)
-        centre = np.vstack([outer[:1], centre, outer[1:]])
-        moved = np.vstack([moved_ends[:1], moved, moved_ends[1:]])
-        turned = np.vstack([turn[:1], turned, turn[1:]])
+    local_u, local_theta = hermite(xi, length, rigid_to(inner) @ to_local, turn @ to_local)
+    centre = inner[:, :1] + xi[:, None] * (inner[:, 1:] - inner[:, :1])
+    of_outer = outer, rigid_to(outer), turn
+    between = centre, local_u @ R, local_theta @ R
+    centre, moved, turned = (
+        np.concatenate([a[:, :1], b, a[:, 1:]], axis=1) for a, b in zip(of_outer, between, strict=True)
+    )
     return centre, moved, turned
 
 

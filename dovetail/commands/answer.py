@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +11,21 @@ from dovetail.disk.output import write_json
 from dovetail.file.contents import StudyContents
 from dovetail.report.table import Column, Table, write_csv, write_xlsx
 from fem.io.atomic import goes_to_stdout
+
+
+def show_now(options: Options, printed: Sequence[str | Table]) -> None:
+    """Print lines and tables as :func:`show` does; a reader that has gone, as ``head``, stops no work."""
+    with suppress(OSError):
+        show(options, printed)
+        sys.stdout.flush()
+
+
+def show(options: Options, printed: Sequence[str | Table]) -> None:
+    """Print lines and tables, unless that is not wanted or standard output takes JSON."""
+    json = getattr(options, "json", None)
+    if not options.quiet and (json is None or not (str(json) == "-" or goes_to_stdout(json))):
+        lines = (p.lines() if isinstance(p, Table) else [p] for p in printed)
+        sys.stdout.write("".join(f"{line}\n" for part in lines for line in part))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,6 +38,8 @@ class Answer:
         JSON has its name, notes, assumptions and warnings.
     printed : sequence of str or Table
         Lines and tables in their order.
+    shown : sequence of str or Table
+        Those before them that were printed as soon as they were known.
     fields : mapping
         The other values of JSON.
     nulls : mapping, optional
@@ -45,6 +63,7 @@ class Answer:
     sheets: Sequence[Table] = ()
     refusal: Exception | None = None
     finished: bool = True
+    shown: Sequence[str | Table] = ()
 
     def give(self, options: Options) -> None:
         """Write the files that the options ask for, and print, unless that is not wanted."""
@@ -54,9 +73,7 @@ class Answer:
         json = getattr(options, "json", None)
         write_json(json, self.as_json(), self.nulls)
         write_xlsx(getattr(options, "xlsx", None), self._tables())
-        if not options.quiet and (json is None or not (str(json) == "-" or goes_to_stdout(json))):
-            lines = (p.lines() if isinstance(p, Table) else [p] for p in self.printed)
-            sys.stdout.write("".join(f"{line}\n" for part in lines for line in part))
+        show(options, self.printed)
         if self.refusal is not None:
             raise self.refusal
 
@@ -80,6 +97,6 @@ class Answer:
     def _tables(self) -> list[Table]:
         """Return all tables, large ones in the place of printed ones; without any, the lines."""
         large = {t.title: t for t in (self.full, *self.sheets) if t is not None}
-        shown = [large.pop(p.title, p) for p in self.printed if isinstance(p, Table)]
-        lines = [p for p in self.printed if isinstance(p, str)]
+        shown = [large.pop(p.title, p) for p in (*self.shown, *self.printed) if isinstance(p, Table)]
+        lines = [p for p in (*self.shown, *self.printed) if isinstance(p, str)]
         return [*shown, *large.values()] or [Table.of("result", Column("result", lines))]

@@ -1,12 +1,16 @@
 """``dovetail diagnose``: the effect that the model lacks, without a report."""
 
 import argparse
+from typing import TYPE_CHECKING
 
-from dovetail.commands.answer import Answer
+from dovetail.commands.answer import Answer, show_now
 from dovetail.commands.argument_types import add_processes, count
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.diagnosis_words import diagnosis_lines
 from dovetail.disk.output import Progress
+
+if TYPE_CHECKING:
+    from dovetail.report.table import Table
 
 EXAMPLE = "dovetail diagnose study.toml"
 
@@ -36,21 +40,24 @@ def run(options: Options, progress: Progress) -> Answer:
     study = by_modes(loaded(options))
     with progress.ending_early():
         found = pipeline.diagnose_any(study, progress, options.processes or cores(), options.budget)
-    modes, candidates = found.modes, []
+    modes = pipeline.measured_modes(found) if result.by_frfs(found) else found.modes
+    known = [f"{study.name}: {found.verdict}; {found.reason}", *diagnosis_lines(found, modes)]
+    progress.close()
+    show_now(options, known)
     beyond = pipeline.excluded(study, found, progress)
     fields = result.diagnosis_dict(found) | result.excluded_dict(beyond)
-    if result.by_frfs(found):
-        modes = pipeline.measured_modes(found)
-        candidates = rounds.lines(found, options.number)
-        fields |= result.modes_dict(modes)
-    notes = result.notes_of(found)
-    lines = [f"{study.name}: {found.verdict}; {found.reason}", *diagnosis_lines(found, modes)]
+    lines: list[str | Table] = []
     for heading, table in planning.tables_of_excluded(beyond) if beyond else ():
         lines += ["", heading, table]
+    if result.by_frfs(found):
+        fields |= result.modes_dict(modes)
+        lines += rounds.lines(found, options.number)
+    notes = result.notes_of(found)
     return Answer(
         study,
-        [*lines, *candidates, *noted(notes, study.measured_notes)],
+        [*lines, *noted(notes, study.measured_notes)],
         {**fields, "notes": list(notes), "seconds": found.seconds},
-        sheets=[rounds.table(ranked, k) for k, ranked in enumerate(found.rounds) if ranked],
+        sheets=[rounds.table(ranked, k, found.model) for k, ranked in enumerate(found.rounds) if ranked],
         finished=found.verdict != UNFINISHED,
+        shown=known,
     )

@@ -71,9 +71,10 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         help="the whole model, with a request of its modes (default: what was found)",
     )
     p.add_argument(
-        "--effects-only",
+        "--fitted",
         action="store_true",
-        help="the found effects alone, without fitted values of what the deck has",
+        help="also fitted values of what the deck has, beyond their standard deviation, and the form that "
+        "the report names (default: the found effects alone)",
     )
     p.add_argument(
         "--into",
@@ -126,7 +127,7 @@ def _edit(
 ) -> tuple[DeckEdit, Exported] | None:
     """Return the cards for the source deck; None with a note where its numbers cannot be kept."""
     try:
-        return exported_edit(study, source, effects_only=options.effects_only)
+        return exported_edit(study, source, fitted=options.fitted)
     except SourceError as reason:
         if options.merge is not None:
             msg = f"--merge {options.merge}: {reason}"
@@ -174,8 +175,8 @@ def run(options: Options, progress: Progress) -> Answer:
             for name, path in (*paths.items(), ("merge", options.merge), ("uff", options.uff))
         ),
     )
-    if options.whole and options.effects_only:
-        msg = "--whole exports the model, and --effects-only what was found alone; give one of them"
+    if options.whole and options.fitted:
+        msg = "--whole exports the model, and --fitted changes of a deck; give one of them"
         raise OutputError(msg)
     study = loaded(options, ())
     lines: tuple[str, ...] = ()
@@ -222,7 +223,7 @@ def run(options: Options, progress: Progress) -> Answer:
         notes.append(f"{source.file.name} is no deck of {' or '.join(others)}: {NUMBERED}")
     if others:
         progress("making the deck")
-        deck, lines = exported_deck(study, whole=options.whole, effects_only=options.effects_only)
+        deck, lines = exported_deck(study, whole=options.whole, fitted=options.fitted)
         heading = (*lines, f"units {_named(units)}")
         texts |= {paths[name]: WRITERS[name](deck, DeckUnits.of(units), heading, MODES) for name in others}
         notes += deck.notes
@@ -246,7 +247,7 @@ def run(options: Options, progress: Progress) -> Answer:
             "files": files,
             "units": _named(units),
             "whole": options.whole,
-            "effects_only": options.effects_only,
+            "fitted": options.fitted,
             "exported": lines,
             "replaces": replaces,
             "notes": notes,

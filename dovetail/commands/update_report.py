@@ -7,8 +7,9 @@ import numpy as np
 
 from dovetail.ensemble.bootstrap import Bootstrap, sentences
 from dovetail.report.blocks import Group, Items, Picture, Report, ReportSection, TableBlock, Text
-from dovetail.result import PICTURES, REPORT
+from dovetail.result import PICTURES, REPORT, parameter_in_words
 from dovetail.update import StudyUpdate
+from fem.model import Model
 
 if TYPE_CHECKING:
     from updating.correlation.pairing import ModeComparison
@@ -78,7 +79,9 @@ def write_update_report(
         caption = "Refits of resamples (5 to 95 %, median) and the linearised interval of as many per cent."
         drawn = picture("bootstrap", plot_bootstrap(u, refits.values), caption)
         sections.append(
-            ReportSection("Bootstrap", (_bootstrap_table(refits), drawn, Items(sentences(refits))))
+            ReportSection(
+                "Bootstrap", (_bootstrap_table(refits, result.study.model), drawn, Items(sentences(refits)))
+            )
         )
     steps = [picture("convergence", plot_convergence(u), "Errors and parameters over the steps.")]
     if len(u.parameters) > 1:
@@ -102,17 +105,17 @@ def write_update_report(
 def _parameter_table(result: StudyUpdate) -> TableBlock:
     u = result.updated
     related = [_most_correlated(result, i) for i in range(len(u.parameters))]
-    rows = [(*_cells(p), other) for p, other in zip(u.parameters, related, strict=True)]
+    rows = [(*_cells(p, result.study.model), other) for p, other in zip(u.parameters, related, strict=True)]
     head = ["parameter", "unit", "start", "bounds", "prior", "value", "std", "95 % interval", "change"]
     return TableBlock([*head, "most correlated with"], rows, numbers=range(2, 9), at_most=60)
 
 
-def _bootstrap_table(found: Bootstrap) -> TableBlock:
+def _bootstrap_table(found: Bootstrap, model: Model) -> TableBlock:
     """Return the standard deviations of the refits and the linearised ones."""
     std, bias, error, q = found.std, found.bias, found.bias_error, found.quantiles.value
     rows = [
         (
-            p.name,
+            parameter_in_words(model, p.name, p.unit),
             p.unit,
             f"{p.value:.5g}",
             f"{p.std:.3g}" if np.isfinite(p.std) else "-",
@@ -126,12 +129,12 @@ def _bootstrap_table(found: Bootstrap) -> TableBlock:
     return TableBlock([*head, "5 %", "median", "95 %"], rows, numbers=range(2, 9), at_most=60)
 
 
-def _cells(p: "UpdatedParameter") -> tuple[str, ...]:
+def _cells(p: "UpdatedParameter", model: Model) -> tuple[str, ...]:
     low, high = p.interval(0.95)
     prior = "-" if p.prior_std is None else f"{100 * p.prior_std:.3g} %" if p.log else f"{p.prior_std:.3g}"
     mark = " at its bound" if p.at_bound else "" if p.determined else " not determined"
     return (
-        p.name,
+        parameter_in_words(model, p.name, p.unit),
         p.unit,
         f"{p.start:.5g}",
         f"{p.lower:.4g} to {p.upper:.4g}",
@@ -149,7 +152,10 @@ def _most_correlated(result: StudyUpdate, i: int) -> str:
     if row.size < 2 or not row.max() > 0.5:
         return "-"
     k = int(np.argmax(row))
-    return f"{result.updated.names[k]} ({result.updated.correlation[i, k]:+.2f})"
+    p = result.updated.parameters[k]
+    return (
+        f"{parameter_in_words(result.study.model, p.name, p.unit)} ({result.updated.correlation[i, k]:+.2f})"
+    )
 
 
 def _mode_table(before: "ModeComparison", after: "ModeComparison") -> TableBlock:

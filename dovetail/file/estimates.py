@@ -33,9 +33,17 @@ class FittedEstimate:
 
 
 def read_estimates(top: StudyTable) -> dict[str, FittedEstimate]:
-    """Read ``[estimates]``, by candidate or effect and parameter: ``"point_mass:beam.mass"``."""
+    """Read ``[estimates]``, by candidate or effect and parameter: ``"point_mass:beam.mass"``.
+
+    A key without a parameter is a kind of effects, with deviations by the rest of their names.
+    """
     out = {}
     for name, t in top.table("estimates").named():
+        if "." not in name:
+            rest = {key: t.number(key, least=0) for key in t.values}
+            out |= {f"{name}{key}": FittedEstimate(std) for key, std in rest.items()}
+            t.finish()
+            continue
         outside = t.flag("outside", False)
         out[name] = FittedEstimate(t.number("std", math.nan, least=0), t.number("before", math.nan), outside)
         t.finish()
@@ -53,6 +61,12 @@ def merged(old: Mapping[str, FittedEstimate], new: Mapping[str, FittedEstimate])
     return {**old, **{name: replace(e, before=first.get(name, e.before)) for name, e in new.items()}}
 
 
+def _kind_and_rest(name: str) -> tuple[str, str]:
+    """Return ``point_mass`` and ``:beam.mass`` of ``point_mass:beam.mass``; ``J`` and ``.kx`` of ``J.kx``."""
+    at = min(k for k in (name.find(":"), name.find("."), len(name)) if k >= 0)
+    return name[:at], name[at:]
+
+
 def with_estimates(text: str, estimates: Mapping[str, FittedEstimate]) -> str:
     """Return a study's text with a table of estimates in place of the one that it has."""
     places = places_of(text)
@@ -61,8 +75,13 @@ def with_estimates(text: str, estimates: Mapping[str, FittedEstimate]) -> str:
         end = max([end, *(b for path, (_, b) in places.pairs.items() if path[:-1] == ("estimates",))])
         rest = text[end:].partition("\n")[2].lstrip("\n")  # comments after the last entry stay
         text = f"{text[:start].rstrip()}\n\n{rest}"
-    lines = [HEADER]
+    lines, alone = [HEADER], {}
     for name, e in estimates.items():
+        if math.isnan(e.before) and not e.outside:
+            if math.isfinite(e.std):
+                kind, key = _kind_and_rest(name)
+                alone.setdefault(kind, {})[key] = rounded(e.std, 3)
+            continue
         known = {"before": e.before, "std": rounded(e.std, 3)}
         values = {key: value for key, value in known.items() if math.isfinite(value)}
         values |= {"outside": True} if e.outside else {}
@@ -70,4 +89,6 @@ def with_estimates(text: str, estimates: Mapping[str, FittedEstimate]) -> str:
             lines.append(
                 f"{toml_key(name)} = {toml_value(values)}{f'  # {e.unit}' * (e.unit not in ('', '-'))}"
             )
+    # a line for each kind: a frame has a hundred parameters of its form
+    lines += [f"{toml_key(kind)} = {toml_value(stds)}" for kind, stds in alone.items()]
     return text.rstrip("\n") + "\n" + ("\n" + "\n".join(lines) + "\n" if len(lines) > 1 else "")

@@ -30,7 +30,7 @@ class Tables:
     @classmethod
     def of(cls: type[V], found: Verdict, study: Any) -> V:  # pyright: ignore[reportGeneralTypeIssues]
         """Return a diagnosis of a study with tables."""
-        values: dict[str, Any] = {f.name: getattr(found, f.name) for f in fields(found)}
+        values: dict[str, Any] = {f.name: getattr(found, f.name) for f in fields(found) if f.init}
         values["diagnosed"] = study
         return cls(**values)
 

@@ -18,7 +18,7 @@ def answer(result: RunResult[Verdict], shown: Shown) -> list[Block]:
     form = [f"Form: {words.departure_text(f)}." for f in d.departures]
     parts = [
         Text(f"Verdict: {d.verdict}", "kind"),
-        Text(words.headline(result), "sentence"),
+        Text(words.headline(d), "sentence"),
         *(Text(value, "value") for value in words.values_found(d)),
         Text(probability_text(d), "value probability"),
         Text(f"{d.reason[:1].upper()}{words.directions(d.reason[1:])}.", "why"),

@@ -199,7 +199,7 @@ def _embedded(file: Path) -> tuple[str, bytes]:
         with Image.open(file) as drawn:
             buffer = BytesIO()
             # of pictures in the page; the files beside it are whole
-            drawn.convert("RGB").save(buffer, "webp", quality=82, method=4)
+            drawn.convert("RGB").save(buffer, "webp", quality=82, method=2)
         if buffer.tell() < len(content):
             return "image/webp", buffer.getvalue()
     return MIME[file.suffix], content

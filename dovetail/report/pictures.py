@@ -1,6 +1,8 @@
 """The pictures of a run, as files; a picture that cannot be drawn is left out and named."""
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -52,15 +54,34 @@ def draw_all(result: RunResult[Verdict], folder: Path, say: Say) -> Album:
         Progress: a text and the fraction done.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    album, d = Album(folder), result.diagnosis
-    say("drawing curves", 0.0)
+    with new_garbage_alone():
+        return _drawn(result, Album(folder), say)
+
+
+@contextmanager
+def new_garbage_alone() -> Iterator[None]:
+    """Let garbage collections in the block look at objects that it makes alone.
+
+    Each picture ends in one, as plotters hold their images in cycles; a search leaves millions of objects.
+    """
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+def _drawn(result: RunResult[Verdict], album: Album, say: Say) -> Album:
+    """Return an album with everything that a report shows drawn into it."""
+    d = result.diagnosis
+    say("writing the report: curves", 0.0)
     caption = staircase.CAPTIONS[d.stairs.unit]
     album.plot("staircase", staircase.in_words(d), caption, staircase.figure, d)
     measured_modes.draw(result, album)
     if has_frfs(result):
         _draw_errors(result, album)
         _draw_frfs(result, album)
-    say("drawing the structure", 0.3)
+    say("writing the report: the structure", 0.3)
     if can_draw():
         _draw_structure(result, album)
         if has_frfs(result):
@@ -179,7 +200,7 @@ def _draw_modes(result: RunResult[Verdict], album: Album, say: Say) -> None:
     model, shown = result.diagnosis.model, shapes_of(result)
     modes, pair = shown.modes, shown.changed
     for done, (k, title) in enumerate(list(shown.headings.items())[:N_MODES]):
-        say("drawing mode shapes", 0.5 + 0.1 * done)
+        say("writing the report: mode shapes", 0.5 + 0.1 * done)
         number, arrows = k - modes.n_rigid + 1, shown.measured.get(k) if result.reported else None
         album.add(
             f"mode-{number}",
@@ -189,7 +210,7 @@ def _draw_modes(result: RunResult[Verdict], album: Album, say: Say) -> None:
         )
     if pair is None:
         return
-    say("drawing the mode that changed most", 0.9)
+    say("writing the report: the mode that changed most", 0.9)
     k = pair.index
     title = mode_heading(k, modes.n_rigid, pair.fitted, pair.fitted_zeta)
     album.add(

@@ -1,7 +1,7 @@
 """How probable the effects found are, alone and as parts of larger answers: one way to say it for all."""
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from dovetail.report.words import FAULT_NAMES, as_stiffness, effect_label
 from fem.model import Effect, covers
@@ -57,11 +57,13 @@ def probability_details(d: Verdict) -> str:
     exact = exactly(d.posterior, [e.name for e in d.found]) or 0.0
     if len(d.found) > 1:
         shares = ((e, included(d.posterior, with_extensions(e, d.candidates))) for e in d.found)
-        parts += [f"{effect_label(e.kind, e.where)}: {percent(p)}" for e, p in shares]
+        each = [f"{effect_label(e.kind, e.where)} {percent(p)}" for e, p in shares]
+        parts.append(f"alone or with others: {', '.join(each)}")
     if d.found:
-        parts.append(f"{'alone' if len(d.found) == 1 else 'exactly these effects'}: {percent(exact)}")
+        this = "this effect alone" if len(d.found) == 1 else "exactly these effects"
+        parts.append(f"{this}: {percent(exact)}")
         here = next(p for known, p in d.posterior if set(known) == {e.name for e in d.found})
-        parts += [f"at this position: {percent(here)}"] if here < exact else []
+        parts += [f"{this}, at this position: {percent(here)}"] if here < exact else []
     parts += [besides] if (besides := _besides_text(d)) else []
     text = "; ".join(parts)
     return ". ".join(filter(None, (text[:1].upper() + text[1:], vague_text(d))))
@@ -75,7 +77,7 @@ def _besides_text(d: Verdict) -> str:
     if found and found < set(names):
         other = f"with {label_of(d, [n for n in names if n not in found])} in addition"
     else:
-        other = label_of(d, names)
+        other = f"{label_of(d, names)}, and nothing else"
     text = f"{other}: {percent(p)}"
     close = p < math.exp(TWIN_NATS) * (exactly(d.posterior, found) or 0.0)
     return f"{text}, too close to decide, so the simpler answer is reported" if close else text
@@ -118,12 +120,13 @@ def replaced_text(d: Verdict, subject: str, effect: Effect) -> str:
     if other is None:
         return f"{subject} has no twin: no answer without it is nearly as probable."
     label, p = label_of(d, other[0]), percent(other[1])
-    return f"{subject} may be replaced by another answer: {label} ({p})."
+    return f"{subject} may be replaced by another answer: {label}, and nothing else ({p})."
 
 
 def hypotheses(d: Verdict) -> list[tuple[str, float]]:
     """Return the hypotheses in words with their probabilities; none where the search gives none."""
-    return without_rare([(label_of(d, names), p) for names, p in _merged(d)], reported(d))
+    known = _labels(d)
+    return without_rare([(_labelled(known, names), p) for names, p in _merged(d)], reported(d))
 
 
 def without_rare(known: Sequence[tuple[str, float]], kept: int = 0) -> list[tuple[str, float]]:
@@ -144,6 +147,15 @@ def without_rare(known: Sequence[tuple[str, float]], kept: int = 0) -> list[tupl
 
 def label_of(d: Verdict, names: Iterable[str]) -> str:
     """Return a hypothesis in words."""
+    return _labelled(_labels(d), names)
+
+
+def _labelled(known: Mapping[str, str], names: Iterable[str]) -> str:
+    return " and ".join(known.get(n, n) for n in names) or "nothing missing"
+
+
+def _labels(d: Verdict) -> dict[str, str]:
+    """Return the words of each part of a hypothesis by its name."""
     fitted = [e for x in reversed(d.explanations) for e in x.effects]  # the most probable position counts
     effects = [*d.candidates, *fitted, *d.found]
     known = {e.name: effect_label(e.kind, e.where) for e in effects}
@@ -151,4 +163,4 @@ def label_of(d: Verdict, names: Iterable[str]) -> str:
     if d.searched is not None:
         faults = {f.name: f"{f.sensor}: {FAULT_NAMES[f.kind]}" for f in d.searched.proposed_faults}
         known |= faults | {f"{AS_READ}{name}": f"not {text}" for name, text in faults.items()}
-    return " and ".join(known.get(n, n) for n in names) or "nothing missing"
+    return known

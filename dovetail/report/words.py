@@ -5,13 +5,10 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, axis_text, by_frfs
+from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, by_frfs
+from dovetail.spots import axis_text, spot_label, spot_text
 from fem.declarations import Site
-from fem.lengths import coordinates_text, shown_length
-from fem.mesh import Mesh
+from fem.lengths import shown_length
 from fem.model import DIRECTIONS, Effect, Model, Parameter, inverse, reciprocal_form
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
@@ -151,11 +148,12 @@ def parameter_text(p: EffectParameter, of: Parameter | None = None) -> str:
     return f"{text} instead of {with_unit(absent, p.unit, like=near(absent, p.value))}"
 
 
-def explanation_text(e: Explanation) -> str:
-    """Return an explanation with the values of its effects."""
+def explanation_text(e: Explanation, model: Model) -> str:
+    """Return an explanation with the values of its effects, and the numbers of their nodes and elements."""
     shown = (as_stiffness(p) for parameters in e.parameters for p in parameters)
     values = [f"{p.name} {fitted_text(p)}" for p in shown]
-    return f"{e.label}: {', '.join(values)}" if values else e.label
+    spots = "".join(spot_label(x, model) for x in e.effects)
+    return (f"{e.label}: {', '.join(values)}" if values else e.label) + spots
 
 
 def near(value: float, other: float) -> float | None:
@@ -190,7 +188,8 @@ def equal_fit_text(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> st
         p = percent(float(sum(p for names, p in d.posterior if r.name in names)))
         n = digits_apart(accepted.similarity, [r.similarity])
         errors = against_text(r.fit_db, accepted.fit_db)
-        texts.append(f"{ranked_label(r)} ({errors}, similarity {r.similarity:.{n}f}; probability {p})")
+        like = f"similarity {r.similarity:.{n}f}; probability, alone or with others, {p}"
+        texts.append(f"{ranked_label(r)} ({errors}, {like})")
     more = " …" if len(finding.equal_fits) > 4 else ""
     return f"these data are fitted as well by {'; '.join(texts)}{more}: the prior decides, not the data"
 
@@ -203,7 +202,7 @@ def no_rival_text(d: Verdict, finding: Finding, ranked: Sequence[Ranked]) -> str
     other = max((x for x in without if x.effects), key=lambda x: x.probability, default=None)
     if other is not None:
         return (
-            f"The most probable explanation without it that was fitted is {other.label}: probability "
+            f"The most probable explanation without it that was fitted is {other.label}, and nothing else: "
             f"{percent(other.probability)}."
         )
     if len(ranked) > 1:
@@ -223,38 +222,6 @@ def finding_text(finding: Finding) -> str:
     known = {p.name: p for p in finding.effect.parameters()}
     values = ", ".join(parameter_text(p, known.get(p.name)) for p in finding.parameters)
     return f"{effect_label(finding.effect.kind, finding.effect.where)}, {values}"
-
-
-def spot_text(effect: Effect, model: Model) -> str:
-    """Return node, members, coordinates and axis of an effect at one place; empty of one at several or none.
-
-    Such as ``at node 6, end 1 of member leg, (1.2, 0.35, 0) m, about global x``.
-    """
-    from fem.effects.giving_way import turning_axis  # what needs no report loads no kinds of effects
-
-    points, mesh = effect.locations(model), model.mesh
-    if len(points) != 1:
-        return ""
-    (place,) = points
-    near = {n: float(np.linalg.norm(mesh.points[k] - place)) for n, k in mesh.point_names.items()}
-    name = min(near, key=near.__getitem__, default="")
-    reach = 1e-6 * float(np.ptp(mesh.points, axis=0).max())
-    named = [name] if name and near[name] <= reach else []
-    # of a support or joint, whose name may be a number; others have their member in their words
-    ends = [] if "member" in effect.where else _ends_at(mesh, place, reach)
-    text = f"at {', '.join([*named, *ends, coordinates_text(place)])}"
-    axis = turning_axis(effect, model)
-    return text if axis is None else f"{text}, about global {axis_text(axis).lstrip('+−')}"
-
-
-def _ends_at(mesh: Mesh, place: NDArray[np.float64], reach: float) -> list[str]:
-    """Return the ends of members at a place, such as ``end 1 of member leg``; none of more than two."""
-    out = []
-    for member in mesh.members:
-        points = mesh.points[mesh.member_points(member)[[0, -1]]]
-        at = np.flatnonzero(np.linalg.norm(points - place, axis=1) <= reach)
-        out += [f"end {k + 1} of member {member}" for k in at]
-    return out if len(out) <= 2 else []
 
 
 def added_text(effect: Effect, fit: FitResult | None) -> str:
@@ -301,7 +268,7 @@ def departure_text(d: Departure) -> str:
     if not d.rivals:
         return text
     others = "; ".join(
-        f"{' and '.join(effect_label(e.kind, e.where) for e in effects)} ({percent(p)})"
+        f"{' and '.join(effect_label(e.kind, e.where) for e in effects)} (probability {percent(p)})"
         for effects, p in d.rivals
     )
     return f"{text}. Possible instead: {others}"
@@ -405,9 +372,8 @@ def ranked_label(r: Ranked) -> str:
     return effect_label(r.kind, r.where)
 
 
-def headline(result: RunResult[Verdict]) -> str:
+def headline(d: Verdict) -> str:
     """Return the verdict in plain sentences."""
-    d = result.diagnosis
     change = d.baseline is not None
     known = d.every_fault
     faults = " and ".join(map(fault_text, known[:3])) + (" …" if len(known) > 3 else "")

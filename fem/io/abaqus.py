@@ -381,18 +381,38 @@ def read_abaqus(path: Path) -> RawMesh:
 
 
 def abaqus_text(mesh: Mesh) -> str:
-    """Return a mesh as an input file: B31 elements, a set for each member, group and named point."""
+    """Return a mesh as an input file: B31 elements, a set for each member, group and named point.
+
+    Nodes and elements have the numbers of the mesh's file where its lines are those of the file, else 1 to n.
+    """
+    nodes, elements = (n.tolist() for n in _numbered(mesh))
     rows = ["*NODE"]
-    rows += [f"{k}, {x!r}, {y!r}, {z!r}" for k, (x, y, z) in enumerate(mesh.points.tolist(), start=1)]
+    rows += [f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in zip(nodes, mesh.points.tolist(), strict=True)]
     rows.append("*ELEMENT, TYPE=B31")
-    rows += [f"{k}, {a + 1}, {b + 1}" for k, (a, b) in enumerate(mesh.lines.tolist(), start=1)]
+    ends = zip(elements, mesh.lines.tolist(), strict=True)
+    rows += [f"{n}, {nodes[a]}, {nodes[b]}" for n, (a, b) in ends]
     for name, members in (*((m, (m,)) for m in mesh.members), *mesh.groups.items()):
-        numbers = [int(row) + 1 for member in members for row in mesh.members[member]]
+        numbers = [elements[row] for member in members for row in mesh.members[member]]
         rows.append(f'*ELSET, ELSET="{name}"')
         rows += [", ".join(str(n) for n in numbers[k : k + 16]) for k in range(0, len(numbers), 16)]
     for name, point in mesh.point_names.items():
-        rows += [f'*NSET, NSET="{name}"', str(point + 1)]
+        rows += [f'*NSET, NSET="{name}"', str(nodes[point])]
     return "\n".join([*rows, ""])
+
+
+def _numbered(mesh: Mesh) -> tuple[Ints, Ints]:
+    """Return the numbers of a mesh's points and lines in a file."""
+    known, plain = mesh.numbers, (np.arange(mesh.n_points) + 1, np.arange(mesh.n_lines) + 1)
+    if known is None or len(known.ends) != mesh.n_lines:
+        return plain
+    of_file, here = known.points[known.ends], mesh.points[mesh.lines]
+    same, turned = ((ends == here).all(axis=(1, 2)) for ends in (of_file, of_file[:, ::-1]))
+    nodes = np.zeros(mesh.n_points, dtype=np.int64)
+    nodes[mesh.lines] = known.nodes[np.where(same[:, None], known.ends, known.ends[:, ::-1])]
+    free = nodes == 0
+    nodes[free] = known.nodes.max(initial=0) + 1 + np.arange(free.sum())
+    unique = len(np.unique(nodes)) == len(nodes) and len(np.unique(known.elements)) == mesh.n_lines
+    return (nodes, known.elements) if unique and (same | turned).all() else plain
 
 
 def read_abaqus_nodes(path: Path) -> tuple[Ints, Floats]:

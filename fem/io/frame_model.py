@@ -27,7 +27,7 @@ from fem.io.frame_deck import Connection, FrameDeck, terms_of
 from fem.io.frame_nodes import Nodes
 from fem.io.programs import ABAQUS, ALLOWED, ANSYS, NASTRAN, program_of
 from fem.materials import PropertyError
-from fem.mesh import Mesh, MeshWarning, free_name
+from fem.mesh import FileNumbers, Mesh, MeshWarning, free_name
 from fem.model import DIRECTIONS, Damping, Effect, Model, ModelError, lever_matrix
 
 _READERS: Mapping[str, tuple[str, str]] = {
@@ -163,9 +163,10 @@ def _members_of(deck: FrameDeck, nodes: Nodes) -> tuple[Mesh, dict[str, MemberPr
     points = {f"node {deck.nodes[row]}": i for i, row in enumerate(kept)}
     notes = [f"{deck.file}: {note}" for note in (*deck.notes, *nodes.notes)]
     mesh = Mesh.from_lines(deck.points[kept], nodes.point[bars.ends], sets, points, notes)
+    numbers = FileNumbers(deck.nodes, deck.points, bars.numbers, bars.ends)
     properties = _Properties(deck, axes[:, 2])
     members = {name: properties.of(rows, mesh.lines[rows], nodes) for name, rows in mesh.members.items()}
-    return replace(mesh, groups=MappingProxyType(groups)), members
+    return replace(mesh, groups=MappingProxyType(groups), numbers=numbers), members
 
 
 def _pieces(deck: FrameDeck, z: Floats) -> Iterator[Ints]:

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fem.array_types import Bools, Floats, Ints
 from fem.io.faults import error_at, refuse
-from fem.mesh import Mesh, MeshError, MeshWarning, free_name, merge_advice
+from fem.mesh import FileNumbers, Mesh, MeshError, MeshWarning, free_name, merge_advice
 
 # Sets of lines as mesh files have them: several, overlapping or empty; members as a model needs them --------
 
@@ -222,6 +222,7 @@ def mesh_of(
     points *= scale
     _check_coordinates(raw, points, chains, file)
     lines, origin = _two_node_lines(points, chains)
+    numbers = _numbers_of(raw, points, lines, origin)
     notes = [*raw.notes]
     notes += [f"{n} {name} left out (only lines are read)" for name, n in raw.left_out.items()]
     if len(lines) > len(chains):
@@ -240,7 +241,7 @@ def mesh_of(
     free = list(names.values()) if free_points else []
     points, lines, names = _used(points, lines, names, notes, free)
     notes += _doubles(lines)
-    mesh = _built(points, lines, sets, names, file, notes)
+    mesh = replace(_built(points, lines, sets, names, file, notes), numbers=numbers)
     if notes:
         warnings.warn(f"{file}: {'; '.join(notes)}", MeshWarning, stacklevel=3)
     return mesh
@@ -250,6 +251,14 @@ def _first_and_count(origin: Ints, n: int) -> tuple[Ints, Ints]:
     """Return the first of the rows that come from each of n, and their number; ``origin`` is ascending."""
     count = np.bincount(origin, minlength=n)
     return np.cumsum(count) - count, count
+
+
+def _numbers_of(raw: RawMesh, points: Floats, lines: Ints, origin: Ints) -> FileNumbers | None:
+    """Return the numbers of a file's nodes and elements; None of a file without any."""
+    if raw.point_numbers is None or raw.line_numbers is None:
+        return None
+    nodes, elements = (np.array(n, dtype=np.int64) for n in (raw.point_numbers, raw.line_numbers))
+    return FileNumbers(nodes, points, elements[origin], lines)
 
 
 def _rows_of_three(raw: RawMesh, n_points: int, file: str) -> Ints:

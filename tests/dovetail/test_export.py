@@ -69,11 +69,23 @@ def test_what_was_found_becomes_cards_with_their_deviations(found, tmp_path, cap
     }
     options = [part for key, path in files.items() for part in (f"--{key}", str(path))]
     assert (
-        main(["export", str(found), *options, "--units", "mm-t-s", "--json", str(tmp_path / "out.json")]) == 0
+        main(
+            [
+                "export",
+                str(found),
+                *options,
+                "--fitted",
+                "--units",
+                "mm-t-s",
+                "--json",
+                str(tmp_path / "out.json"),
+            ]
+        )
+        == 0
     )
     printed = capsys.readouterr().out.replace("\u00a0", " ")
     assert "stiffness 20.00 ± 0.40 kN·m/rad instead of rigid" in printed
-    assert "E:steel 200.0 ± 1.0 GPa instead of 210 GPa" in printed
+    assert "E of steel 200.0 ± 1.0 GPa instead of 210 GPa" in printed
     assert "note: take out of the supports of node 1: ry" in printed
     nastran, abaqus, ansys = (path.read_text() for path in files.values())
     for text in (nastran, abaqus, ansys):
@@ -115,7 +127,7 @@ def test_the_whole_model_comes_back(found, tmp_path, option, suffix):
     [
         ([], "no file is asked for; give --nastran FILE, --abaqus FILE, --ansys FILE or --uff FILE"),
         (
-            ["--nastran", "out.bdf"],
+            ["--nastran", "out.bdf", "--fitted"],
             "it has no [[effects]], and no fitted values in [estimates]",
         ),
         (["--uff", "out.txt"], "--uff out.txt is written as .uff or .unv, not '.txt'"),

@@ -303,7 +303,7 @@ def test_deck_with_the_cards_has_the_frequencies_of_the_study(made, case, capsys
     assert found.read_text() != study
     out, merged = Path(f"cards{Path(name).suffix}"), Path(f"merged{Path(name).suffix}")
     capsys.readouterr()
-    assert main(["export", str(found), f"--{program}", str(out), "--merge", str(merged)]) == 0
+    assert main(["export", str(found), "--fitted", f"--{program}", str(out), "--merge", str(merged)]) == 0
     Path("by_hand").mkdir()
     hand = Path("by_hand") / name
     hand.write_text(followed(text, out.read_text()))
@@ -347,9 +347,10 @@ def test_deck_that_includes_the_effects_alone_is_the_deck_with_the_effects(made,
     Path("s/found.toml").write_text(found_text + estimates({modulus: "before = 210e9, std = 1e9"}))
     cards = Path(f"cards{Path(name).suffix}")
     capsys.readouterr()
-    assert main(["export", "s/found.toml", "--effects-only", f"--{program}", str(cards)]) == 0
+    assert main(["export", "s/found.toml", f"--{program}", str(cards)]) == 0
     printed, written = capsys.readouterr().out, cards.read_text()
-    assert f"as before the fit: {modulus.replace('.', ' ', 1)}" in printed
+    left = f"not in this file, fitted values; --fitted exports them: E of {modulus.partition(':')[2]} 199.0"
+    assert left in printed
     old, new = INCLUDED.get(program, ("/SOLU", f"{written}\n/SOLU"))
     including = text.replace(old, new, 1)
     for found in re.finditer(r"replaces .* of frame\.\w+, lines? (\d+)$", written, re.MULTILINE):
@@ -371,7 +372,7 @@ def test_an_effect_is_at_a_node_that_is_as_near_as_its_position_is_known(found, 
     (found / "found.toml").write_text(text + effect(mass, mass=0.7, position=0.126) + errors)
     (found / "at_node.toml").write_text(text + effect(mass, mass=0.7, position=0.126 if divided else 0.125))
     capsys.readouterr()
-    words = ["--effects-only", "--nastran", "cards.bdf", "--merge", "merged.bdf"]
+    words = ["--nastran", "cards.bdf", "--merge", "merged.bdf"]
     assert main(["export", "s/found.toml", *words]) == 0
     cards = Path("cards.bdf").read_text()
     assert ("replaces CBEAM" in cards) == ("GRID*" in cards) == divided
@@ -380,10 +381,24 @@ def test_an_effect_is_at_a_node_that_is_as_near_as_its_position_is_known(found, 
     assert np.abs(frequencies(Path("merged.bdf")) / expected - 1).max() < 5e-5
 
 
+def test_fitted_values_are_exported_where_they_are_asked_for(found, capsys):
+    """A modulus that moved by eleven standard deviations: a note without, a card with."""
+    text, mass = (found / "study.toml").read_text(), f"point_mass:{member(found, 'node 14', 'node 15')}"
+    of = load_study(found / "study.toml").model.values()
+    (modulus,) = (f"{e}.{p}" for (e, p), value in of.items() if value == 210e9)
+    text = text.replace("E = 210e9", "E = 199e9") + effect(mass, mass=0.7, position=0.125)
+    (found / "found.toml").write_text(text + estimates({modulus: "before = 210e9, std = 1e9"}))
+    for more, fitted in (((), False), (("--fitted",), True)):
+        capsys.readouterr()
+        assert main(["export", "s/found.toml", "--nastran", "cards.bdf", *more]) == 0
+        assert ("--fitted exports them: " in capsys.readouterr().out) != fitted
+        assert bool(re.search(r"^MAT1", Path("cards.bdf").read_text(), re.M)) == fitted
+
+
 def test_effects_alone_need_effects(found, capsys):
-    assert main(["export", "s/study.toml", "--nastran", "c.bdf", "--effects-only"]) == 2
+    assert main(["export", "s/study.toml", "--nastran", "c.bdf"]) == 2
     assert "it has no [[effects]]; dovetail run writes them into found.toml" in capsys.readouterr().err
-    assert main(["export", "s/found.toml", "--nastran", "c.bdf", "--effects-only", "--whole"]) == 2
+    assert main(["export", "s/found.toml", "--nastran", "c.bdf", "--fitted", "--whole"]) == 2
     assert "give one of them" in capsys.readouterr().err
 
 
@@ -391,9 +406,10 @@ def test_effects_without_a_card_are_named_with_the_reason(found, capsys):
     text = (found / "study.toml").read_text()
     form = f"section_form:{member(found, 'node 14', 'node 15')}"
     (found / "found.toml").write_text(text + effect(form, A=0.02))
-    assert main(["export", "s/found.toml", "--effects-only", "--nastran", "cards.bdf"]) == 2
+    assert main(["export", "s/found.toml", "--nastran", "cards.bdf"]) == 2
     error = capsys.readouterr().err
-    assert f"no card is for its [[effects]]: not in this file, uncertain form: known {form}" in error
+    assert "no card is for its [[effects]]: not in this file, uncertain form; --fitted exports" in error
+    assert "section form: section of member " in error
     assert not Path("cards.bdf").exists()
 
 
@@ -405,7 +421,7 @@ def test_cards_without_a_deck_name_the_bar_of_a_released_end(found, capsys):
     released = effect(f"end_release:{brace}.1.rz", compliance=2e-4)
     for found_effect, bars in ((released, 1), (effect(f"member_stiffness:{brace}", change=-0.2), 0)):
         (found / "found.toml").write_text(here + found_effect)
-        assert main(["export", "s/found.toml", "--effects-only", "--nastran", "cards.bdf"]) == 0
+        assert main(["export", "s/found.toml", "--nastran", "cards.bdf"]) == 0
         written = numbers(Path("cards.bdf").read_text(), "CBAR|CBEAM")
         notes = re.findall(
             r"take out of the model the bars that these cards replace: (\d+)$", printed(), re.M
@@ -429,7 +445,9 @@ def test_members_that_comments_name_share_a_card(tmp_path, monkeypatch, case):
     assert "part5" in study
     assert {"[materials.metal]", '[materials."metal.2"]'} <= {*study.splitlines()}
     (folder / "found.toml").write_text(CASES[case](folder, study))
-    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    assert (
+        main(["export", "s/found.toml", "--fitted", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    )
     expected = frequencies(folder / "found.toml")
     assert np.abs(frequencies(folder / "study.toml") / expected - 1).max() > 1e-4
     assert np.abs(frequencies(Path("merged.bdf")) / expected - 1).max() < 1e-7
@@ -442,7 +460,9 @@ def test_matrices_that_a_merged_deck_is_read_without_are_named(found, capsys):
     rail = member(found, "node 14", "node 15")
     text += effect(f"distributed_mass:{rail}", mass=5.0, position=0.2, width=0.1)
     (found / "found.toml").write_text(text)
-    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    assert (
+        main(["export", "s/found.toml", "--fitted", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    )
     printed = capsys.readouterr().out
     assert "Dovetail does not read its matrices (M2GG)" in printed
     assert "released" not in printed
@@ -455,10 +475,14 @@ def test_form_beside_the_effects_is_that_of_the_report(found, capsys):
     fitted = f'\n[fitted_form]\n"{form}" = {{ A = 0.08, Iy = 0.03 }}\n'
     errors = {f"{form}.A": "std = 0.05", f"{form}.Iy": "std = 0.01, outside = true"}
     (found / "found.toml").write_text(text + fitted + estimates(errors))
-    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    assert (
+        main(["export", "s/found.toml", "--fitted", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    )
     printed = capsys.readouterr().out
     assert "Iy 0.030 ± 0.010" in printed
-    assert f"note: not in this file, form within its usual range: known {form} A" in printed
+    member_name = form.partition(":")[2]
+    usual = f"form within its usual range: section of member {member_name}: mass per length"
+    assert f"note: not in this file, {usual}" in printed
     assert not numbers(Path("cards.bdf").read_text(), "MAT1")  # A changes a section's mass by its density
     assert re.search(r"frequencies agree with those of the study to [\d.e-]+ %", printed)
 
@@ -467,7 +491,9 @@ def test_only_released_ends_explain_differences(found, capsys):
     text = (found / "study.toml").read_text()
     rail = member(found, "node 14", "node 15")
     (found / "found.toml").write_text(text + effect(f"section_form:{rail}", A=0.5, Iy=0.9, Iz=0.9, J=0.5))
-    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    assert (
+        main(["export", "s/found.toml", "--fitted", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    )
     assert "released" not in capsys.readouterr().out
 
 
@@ -488,7 +514,9 @@ def numbers(deck: str, card: str) -> list[int]:
 
 
 def test_cards_keep_the_numbers_of_the_deck_and_name_what_they_replace(found, capsys):
-    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    assert (
+        main(["export", "s/found.toml", "--fitted", "--nastran", "cards.bdf", "--merge", "merged.bdf"]) == 0
+    )
     printed, cards = capsys.readouterr().out, Path("cards.bdf").read_text()
     deck = nastran()
     assert numbers(cards, "MAT1") == [7]
@@ -513,7 +541,7 @@ def test_source_may_be_given_and_lost(found, capsys):
     study = Path("s/found.toml").read_text()
     Path("deck").mkdir()
     Path("frame.bdf").rename("deck/frame.bdf")
-    assert main(["export", "s/found.toml", "--nastran", "lost.bdf"]) == 0
+    assert main(["export", "s/found.toml", "--fitted", "--nastran", "lost.bdf"]) == 0
     assert "frame.bdf, the deck of [source], is not there: new cards are numbered from 900001" in (
         capsys.readouterr().out
     )
@@ -521,7 +549,7 @@ def test_source_may_be_given_and_lost(found, capsys):
     assert {numbers(lost, card)[0] for card in ("GRID", "MAT1", "PBEAM", "MPC")} == {900001}
     Path("s/found.toml").write_text(re.sub(r"\[source\]\nfile.*\nunits.*\n", "", study))
     into = ["--into", "deck/frame.bdf", "--units", "mm-t-s"]
-    assert main(["export", "s/found.toml", "--nastran", "cards.bdf", *into]) == 0
+    assert main(["export", "s/found.toml", "--fitted", "--nastran", "cards.bdf", *into]) == 0
     assert "$ replaces MAT1 7 of frame.bdf, line 8" in Path("cards.bdf").read_text()
 
 
@@ -545,7 +573,7 @@ def test_errors_of_the_source_are_one_line(found, capsys, options, message):
 
 
 def test_study_of_an_unchanged_deck_has_nothing_to_export(found, capsys):
-    assert main(["export", "s/study.toml", "--nastran", "cards.bdf"]) == 2
+    assert main(["export", "s/study.toml", "--fitted", "--nastran", "cards.bdf"]) == 2
     assert "its model is that of frame.bdf: there is nothing to export" in capsys.readouterr().err
 
 
@@ -556,7 +584,7 @@ def test_constant_shear_stiffness_does_not_follow_a_fitted_modulus(tmp_path, mon
     assert main(["new", "s", "--from", "frame.inp", "--units", "mm-t-s"]) == 0
     found = Path("s/found.toml")
     found.write_text(Path("s/study.toml").read_text().replace("E = 210e9", "E = 160e9"))
-    assert main(["export", "s/found.toml", "--abaqus", "cards.inp", "--merge", "merged.inp"]) == 0
+    assert main(["export", "s/found.toml", "--fitted", "--abaqus", "cards.inp", "--merge", "merged.inp"]) == 0
     assert np.abs(frequencies(Path("merged.inp")) / frequencies(found) - 1).max() < 1e-9
 
 
@@ -575,7 +603,7 @@ def test_deck_with_parts_keeps_its_numbers_apart(tmp_path, monkeypatch, capsys):
     Path("s/found.toml").write_text(
         Path("s/study.toml").read_text() + effect("support_flexibility:node 17.ry", stiffness=9000.0)
     )
-    assert main(["export", "s/found.toml", "--abaqus", "cards.inp"]) == 0
+    assert main(["export", "s/found.toml", "--fitted", "--abaqus", "cards.inp"]) == 0
     assert "the deck has parts and instances, whose numbers repeat: new cards are numbered from 900001" in (
         capsys.readouterr().out
     )

@@ -10,6 +10,7 @@ import pytest
 
 from dovetail import StudyError, load_study, main
 from dovetail.file import fault_table, toml_value, with_damping, with_effects, with_parameters
+from dovetail.file.estimates import FittedEstimate, with_estimates
 from dovetail.found import found_text
 from dovetail.result import UncertainValue
 from fem import FRF, ConnectionDamping, Damping, assemble, compute_frf, parameter_values, sum_contributions
@@ -149,6 +150,22 @@ def test_estimates_state_the_form_that_the_report_states(tmp_path):
     assert tomllib.loads(text)["estimates"]["frame.E:steel"] == {"before": 210e9, "std": 1e8}
 
 
+def test_deviations_of_a_frame_s_form_share_a_line_for_each_kind(tmp_path):
+    """They come back as they were; what has a value before, or is outside its range, has its own line."""
+    known = {f"zone_form:{k}.{p}": FittedEstimate(0.1 * k + 0.01) for k in range(30) for p in ("u", "mass")}
+    known |= {"frame.E:steel": FittedEstimate(1e9, 210e9), "J.kx": FittedEstimate(2.0)}
+    known |= {"zone_form:1.u": FittedEstimate(0.1, outside=True), "point_mass:a.b.mass": FittedEstimate(0.5)}
+    text = with_estimates("", known)
+    assert len(text.splitlines()) == 8  # three of them of the heading, two of single parameters
+    path = write_study(tmp_path, 0.0)
+    path.write_text(path.read_text(encoding="utf-8") + text, encoding="utf-8")
+    study = load_study(path)
+    assert {n: (e.std, e.outside) for n, e in study.estimates.items()} == {
+        n: (pytest.approx(e.std), e.outside) for n, e in known.items()
+    }
+    assert tomllib.loads(with_estimates("", study.estimates)) == tomllib.loads(text)
+
+
 def test_numbers_that_were_found_have_units_and_meanings(tmp_path):
     study = loaded(tmp_path, JOINTED)
     each = one_of_each(study)
@@ -160,8 +177,12 @@ def test_numbers_that_were_found_have_units_and_meanings(tmp_path):
     assert re.search(r"^mass = [\d.]+  # kg$", text, re.MULTILINE)
     assert re.search(r"^position = [\d.]+  # m$", text, re.MULTILINE)
     assert re.search(r"^stiffness = [\d.e]+  # (N/m|N·m/rad)$", text, re.MULTILINE)
-    assert "  # relative changes: A (mass per length), Iy, Iz, J, shear (shear flexibility)" in text
-    assert "  # logarithms of factors: u (stiffness)" in text
+    form = next(e for e in some if e.kind == "section_form")
+    changes = "relative changes: A (mass per length), Iy, Iz, J, shear (shear flexibility)"
+    assert f"  # {form.where}: {changes}" in text
+    mass = next(e for e in some if e.kind == "point_mass")
+    assert re.search(rf'^candidate = "{re.escape(mass.name)}"  # member ', text, re.MULTILINE)
+    assert ": logarithms of factors: u (stiffness)" in text
     (tmp_path / "found.toml").write_text(text, encoding="utf-8")
     later, *_ = reported(load_study(tmp_path / "found.toml"), [], tmp_path)
     assert found_text(later, tmp_path).count("  # kg\n") == text.count("  # kg\n")

@@ -44,7 +44,7 @@ def test_a_change_hidden_by_a_common_error_is_found_and_written(tmp_path):
     study = load_study(path)
     result = analyse(study, out, lambda text, done: None)
     d = result.diagnosis
-    assert headline(result).startswith("Since the baseline: ")
+    assert headline(result.diagnosis).startswith("Since the baseline: ")
     assert [f.effect.name for f in d.findings] == ["point_mass:arm"]
     values = {p.name: p.value for p in d.findings[0].parameters}
     assert values["mass"] == pytest.approx(0.004, rel=0.1)

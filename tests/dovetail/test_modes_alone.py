@@ -287,7 +287,7 @@ def test_the_report_of_modes_answers_first_and_holds_its_figures(shaped):
     assert "Verdict: effect" in first
     assert "alone or with others: above 99\u00a0%" in first
     assert first.count("Probability") == 1
-    assert "Alone: above 99\u00a0%" in text
+    assert "This effect alone: above 99\u00a0%" in text
     assert {"staircase", "model"} == set(re.findall(r'<figure data-figure="([^"]+)"', first))
     assert "could not be made" not in text
     assert "a<b>" not in text
@@ -424,7 +424,9 @@ def test_a_mirrored_position_is_no_other_effect_but_another_position():
         model, targets, (Nuisance("frame", "E:steel", 0.02),), kinds=["point_mass"], model_error=0.0
     )
     text = probability_details(found)
-    shares = re.search(r"^Alone: above 99\s%; at this position: (\d+)\s%", text)
+    shares = re.search(
+        r"^This effect alone: above 99\s%; this effect alone, at this position: (\d+)\s%", text
+    )
     assert shares is not None, text
     assert 40 <= int(shares[1]) <= 60
 
@@ -496,7 +498,7 @@ def test_the_probability_next_to_a_statement_is_that_of_the_statement():
     )
     nothing = told("nothing missing", (), ((mass,), 0.39), ((), 0.26))
     assert probability_text(nothing) == "Probability among all hypotheses: 26\u00a0%"
-    assert re.search(r"^Mass: A: 39\s%, too close to decide", probability_details(nothing))
+    assert re.search(r"^Mass: A, and nothing else: 39\s%, too close to decide", probability_details(nothing))
     change = StateChange("later", np.zeros(2), np.zeros(2), nothing)
     assert (change.answer, change.probability) == ("nothing", 0.26)
     one = told("effect", (mass,), ((mass, both), 0.55), ((mass,), 0.40))

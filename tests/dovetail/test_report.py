@@ -35,8 +35,11 @@ from dovetail.report import (
 from dovetail.report.found_lines import found_lines
 from dovetail.report.sections import rounds, uncertain
 from dovetail.result import FORM_QUANTITIES, UncertainValue, diagnosis_dict, result_dict
-from fem import Parameter
+from dovetail.spots import spot_of, spot_text
+from fem import Frame, Material, MemberProperties, Model, Parameter, PointMass, Section
 from fem.effects import effect_classes
+from fem.io import read_mesh
+from fem.io.abaqus import abaqus_text
 from tests.frames import STUDY, cross_beam, portal
 from tests.studies import study_from
 from updating import EffectParameter, Fault, Finding, propose
@@ -206,7 +209,7 @@ def test_an_effect_that_fits_as_well_is_told_with_the_digits_of_the_difference(f
         assert "the prior decides, not the data" in text
     assert "has no twin" not in page
     assert "No candidate without it explains the data nearly as well" not in page
-    table = rounds.table([first, crack], 0)
+    table = rounds.table([first, crack], 0, found.diagnosis.model)
     assert "0.9998" in str(table)
     assert any(crack.fit_db in column.values for column in table.columns)
 
@@ -280,7 +283,7 @@ def test_two_directions_of_a_joint_are_one_sentence_and_an_extension_is_no_other
         "also consistent with joint complex stiffness: joint bolt, along x, whose loss factor 0.020 ± 0.030"
         in text
     )
-    assert re.search(r"along x: above 99\s%; .*along y: 99\s%; exactly these effects: 87\s%", text)
+    assert re.search(r"along x above 99\s%, .*along y 99\s%; exactly these effects: 87\s%", text)
     law = findings[0].twins[0]
     assert (findings[0].alternatives, findings[0].extensions) == ((), (law,))
 
@@ -304,7 +307,7 @@ def test_the_simpler_answer_says_what_is_more_probable_with_more_effects(found):
     other = next(e for e in found.diagnosis.candidates if e.name != name)
     d = with_posterior(found, ((other.name, name), 0.64), ((name,), 0.36)).diagnosis
     text = probability_details(d)
-    assert "Alone: 36\u00a0%" in text
+    assert "This effect alone: 36\u00a0%" in text
     label = probable.label_of(d, [other.name])  # at its most probable position
     assert label.startswith(other.kind.replace("_", " "))
     assert f"with {label} in addition: 64\u00a0%, too close to decide" in text
@@ -322,7 +325,7 @@ def test_an_effect_counts_in_every_answer_that_has_it(found, album):
     lines = found_lines(both.diagnosis)
     for text in (page, "\n".join(lines)):
         assert "Probability of this effect, alone or with others: 99\u00a0%" in text
-        assert text.index("Alone: 55\u00a0%") > text.index("alone or with others: 99\u00a0%")
+        assert text.index("This effect alone: 55\u00a0%") > text.index("alone or with others: 99\u00a0%")
     assert "It has no twin: no answer without it is nearly as probable." in page
 
 
@@ -333,10 +336,10 @@ def test_an_answer_of_several_effects_is_named_where_it_could_replace_one(found,
     page = report_html(pair, album)
     label = probable.label_of(pair.diagnosis, [first.name, second.name])
     assert len(label.split(" and ")) == 2
-    assert f"It may be replaced by another answer: {label} (35\u00a0%)." in page
+    assert f"It may be replaced by another answer: {label}, and nothing else (35\u00a0%)." in page
     assert "has no twin" not in page
     assert "alone or with others: 60\u00a0%" in page
-    assert "Alone: 60\u00a0%" in page
+    assert "This effect alone: 60\u00a0%" in page
 
 
 def test_each_of_several_effects_has_its_own_probability(found):
@@ -546,6 +549,13 @@ def test_uncertain_parameters_are_called_as_a_reader_would(name, said):
     assert UncertainValue(name, "-", 0.0, 0.0, 0.1, 0.1, at_bound=False).words == said
 
 
+def test_values_of_instruments_are_called_by_their_place():
+    mass = UncertainValue("driver_mass:3.mass", "kg", 0, 0, 1, 1, at_bound=False, where="excitation at K")
+    assert mass.words == "mass of excitation at K"
+    form = ("-", 0, 0, 1, 1, False, "section of member leg.1")
+    assert UncertainValue("section_form:leg.1.A", *form).words == "section of member leg.1: mass per length"
+
+
 def test_the_form_of_a_connection_is_named_by_its_place(found):
     form = [u.words for u in found.uncertain if u.form_of]
     assert any(w.startswith("corner of ") and w.endswith(": stiffness") for w in form)
@@ -627,13 +637,33 @@ def test_a_place_is_said_by_node_coordinates_and_global_axis(tmp_path):
     (xyz,) = release.locations(study.model)
     mesh = study.model.mesh
     name = next(n for n, k in mesh.point_names.items() if np.allclose(mesh.points[k], xyz))
-    said = words.spot_text(release, study.model)
+    said = spot_text(release, study.model)
     assert said.startswith(f"at {name}, (")
     assert re.search(r"\(0, 0, 0\.5\) m, about global [xyz]$", said), said
     foot = next(iter(study.candidates("support_flexibility")))
-    assert re.match(r"at foot, end 1 of member post, \(0, 0, 0\) m", words.spot_text(foot, study.model))
+    assert re.match(r"at foot, end 1 of member post, \(0, 0, 0\) m", spot_text(foot, study.model))
     inside = next(e for e in study.candidates("point_mass") if e.member == "arm").with_values(position=0.1)
-    assert re.fullmatch(r"at \([\d., −]+\) m", words.spot_text(inside, study.model))
+    assert re.fullmatch(r"at \([\d., −]+\) m", spot_text(inside, study.model))
+
+
+def test_a_place_is_said_by_the_numbers_of_the_mesh_file(tmp_path):
+    """Numbers with gaps, of a mesh that is refined afterwards."""
+    rows = ["*NODE", "10, 0, 0, 0", "30, 0.4, 0, 0", "20, 1, 0, 0", "*ELEMENT, TYPE=B31", "7, 10, 30"]
+    (tmp_path / "bar.inp").write_text("\n".join([*rows, "5, 30, 20", ""]), encoding="utf-8")
+    mesh = read_mesh(tmp_path / "bar.inp")
+    steel = MemberProperties(Material("steel", 2e11, 7850.0), Section.circle(0.02))
+    (member,) = mesh.members
+    model = Model(mesh.refined(0.07), (Frame(members={member: steel}),))
+    (mass,) = PointMass.propose(model)
+    off, at_node = (spot_of(mass.with_values(position=s), model) for s in (0.45, 0.4))
+    assert off.text == "in element 5, nodes 30 to 20 (node 30 is 0.05 m away), (0.45, 0, 0) m"
+    assert off.fields()["between_nodes"] == [30, 20]
+    assert at_node.text == "at node 30, (0.4, 0, 0) m"
+    assert at_node.short == "node 30"
+    (tmp_path / "again.inp").write_text(abaqus_text(mesh), encoding="utf-8")
+    again = read_mesh(tmp_path / "again.inp").numbers
+    assert again.nodes.tolist() == [10, 30, 20]
+    assert again.elements.tolist() == [7, 5]
 
 
 def test_uncertain_parameters_that_did_not_move_are_folded(found):
@@ -726,7 +756,9 @@ def test_a_finding_without_a_rival_names_what_was_fitted_without_it():
     def text(explanations, n_ranked):
         return words.no_rival_text(SimpleNamespace(explanations=explanations), finding, [None] * n_ranked)
 
-    assert text([with_it, *others, nothing, unknown], 3).endswith("fitted is joint: probability 20\u00a0%.")
+    assert text([with_it, *others, nothing, unknown], 3).endswith(
+        "fitted is joint, and nothing else: 20\u00a0%."
+    )
     assert (
         text([with_it, nothing, unknown], 3)
         == "Each other candidate that was fitted in its place contains it."

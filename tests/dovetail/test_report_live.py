@@ -203,7 +203,7 @@ def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
     page = report_html(sure, Album(tmp_path), figures.make_all(sure))
     head, rest = page.split("<main", 1)
     assert "Probability of this effect, alone or with others: 93\u00a0%" in head
-    assert "Alone: 93\u00a0%" in rest
+    assert "This effect alone: 93\u00a0%" in rest
     assert re.search(r"nothing missing</th><td[^>]*>5\u00a0%", rest)
     assert "something that the library does not have" in rest
     reported, others = figures.make_all(sure).known["probability"].data
@@ -460,7 +460,7 @@ def test_the_outline_tells_the_page(folder, found):
     outline = read_outline(folder)
     assert outline.name == "bent <bar>"
     assert outline.texts("kind") == ("Verdict: effect",)
-    assert outline.texts("sentence") == (words.headline(found),)
+    assert outline.texts("sentence") == (words.headline(found.diagnosis),)
     headings = [p.heading for p in outline.parts if p.level == 1]
     assert headings[:4] == ["How sure", "Compared data", "Checks of the measurement", "Where it fails"]
     steps = next(b for b in outline.blocks() if isinstance(b, TableBlock) and b.head[0] == "step")
@@ -487,7 +487,7 @@ def test_word_tells_the_same_story(folder, found, tmp_path, capsys):
     document = docx.Document(str(file))
     texts = [p.text for p in document.paragraphs]
     assert texts[0] == "bent <bar>"
-    assert words.headline(found) in texts
+    assert words.headline(found.diagnosis) in texts
     headings = [p.text for p in document.paragraphs if p.style.name.startswith("Heading")]
     assert "Missing effects" in headings
     cells = [[c.text for c in row.cells] for row in document.tables[0].rows]
@@ -505,7 +505,7 @@ def test_slides_tell_it_shorter(folder, found, tmp_path):
     assert main(["report", str(folder), "--pptx", str(file), "--quiet"]) == 0
     show = pptx.Presentation(str(file))
     first = "\n".join(s.text_frame.text for s in show.slides[0].shapes if s.has_text_frame)
-    assert words.headline(found) in first
+    assert words.headline(found.diagnosis) in first
     assert "mass 0.2" in first
     titles = [s.shapes.title.text_frame.text for s in show.slides]
     assert "FRFs before and after" in titles

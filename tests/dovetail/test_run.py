@@ -55,6 +55,7 @@ def test_result_json_has_the_documented_keys(done, root):
         "kind",
         "where",
         "name",
+        "spot",
         "parameters",
         "twins",
         "rival",
@@ -63,6 +64,9 @@ def test_result_json_has_the_documented_keys(done, root):
         "next_measurements",
     }
     assert set(effect) == own
+    spots = effect["spot"], result["ranking"][0][0]["spot"]
+    for spot in spots:
+        assert spot["xyz"] == pytest.approx(done.diagnosis.found[0].locations(done.diagnosis.model)[0])
     assert all(set(p) == {"name", "value", "unit", "std", "at_bound"} for p in effect["parameters"])
     assert [set(e) for e in result["error_db"]] == [{"step", "fit", "held_out", "level"}] * 3
     assert result["error_db"][-1]["fit"] < 0.2 * result["error_db"][1]["fit"]
@@ -192,6 +196,22 @@ def test_a_study_needs_a_measurement(study_file, tmp_path):
 
 
 @pytest.mark.usefixtures("quick", "undrawn")
+def test_the_verdict_is_printed_before_anything_is_drawn(study_file, tmp_path, capsys, monkeypatch):
+    printed = []
+
+    def written(*_):
+        printed.append(capsys.readouterr())
+
+    monkeypatch.setattr(run, "write", written)
+    assert main(["run", str(study_file), "--out", str(tmp_path / "out")]) == 0
+    lines = printed[0].out.splitlines()
+    assert lines[1] == "Member arm carries a mass at 0.300 m that the model lacks."
+    assert any(line.startswith("noise floor") for line in lines)
+    assert re.fullmatch(r"\d\d:\d\d writing the report\n", printed[0].err)
+    assert capsys.readouterr().out.split() == [str(tmp_path / "out" / "report.html")]
+
+
+@pytest.mark.usefixtures("quick", "undrawn")
 def test_run_prints_verdict_errors_and_path(study_file, tmp_path, capsys):
     out, file = tmp_path / "out", tmp_path / "r.json"
     assert main(["run", str(study_file), "--out", str(out), "--json", str(file)]) == 0
@@ -201,7 +221,6 @@ def test_run_prints_verdict_errors_and_path(study_file, tmp_path, capsys):
     assert lines[0] == "bent <bar>: effect"
     assert lines[1] == "Member arm carries a mass at 0.300 m that the model lacks."
     assert any(line.startswith("noise floor") for line in lines)
-    assert printed.err == ""
     assert json.loads(file.read_text(encoding="utf-8"))["schema"] == SCHEMA
     (out / ".dovetail").unlink()
     assert main(["run", str(study_file), "--out", str(out)]) == 2

@@ -11,7 +11,7 @@ from fem import assemble, first_modes
 from tests.frames import write_study
 from updating import ModeTargets, build_mode_problem
 from updating.diagnosis.amplitude import at_force_levels
-from updating.inference.fit import as_of_one
+from updating.inference.fit import FitProblem, as_of_one
 from updating.inference.fitting import far_fit, fit, with_form_of_damping
 from updating.inference.problem import Problem
 
@@ -103,3 +103,11 @@ def test_a_copy_of_any_problem_keeps_what_makes_it_its_kind(problem):
     assert type(copy) is type(problem)
     assert (copy.damped_frfs() is None) == (problem.damped_frfs() is None)
     assert copy.residuals(n_lines=20).start == pytest.approx(problem.residuals(n_lines=20).start)
+
+
+def test_the_error_is_in_words_in_the_unit_of_the_report(problem):
+    nominal = problem.nominal()
+    if isinstance(problem, FitProblem):
+        assert problem.error_words(nominal) == f"error {nominal.fit_db:.2f} dB"
+    else:
+        assert problem.error_words(nominal).endswith(" %")

@@ -1,7 +1,11 @@
 """Pictures of an updating show what they should."""
 
+from io import BytesIO
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from PIL import Image
 
 import fem
 from fem.effects import MemberStiffness
@@ -56,3 +60,17 @@ def test_parameters_have_a_row_each_with_value_and_deviation(updated, tmp_path):
 def test_correlation_shows_the_matrix(updated):
     ax = plot_correlation(updated).axes[0]
     np.testing.assert_allclose(ax.images[0].get_array(), updated.correlation)
+
+
+def test_a_png_is_drawn_once_with_the_layout_that_savefig_gives_it(monkeypatch):
+    with style.look():
+        figure = style.new_figure(3.0, 2.0)
+        figure.subplots().set(xlabel="frequency [Hz]", ylabel="error [dB]")
+        buffer = BytesIO()
+        figure.savefig(buffer, dpi=80)  # draws twice
+    expected = np.asarray(Image.open(buffer).convert("RGB"), dtype=float)
+    times, draw = [], Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda self, to: (times.append(to), draw(self, to)))
+    drawn = np.asarray(Image.open(BytesIO(style.figure_png(figure, 80))), dtype=float)
+    assert len(times) == 1
+    np.testing.assert_allclose(drawn, expected, atol=1)

@@ -1,12 +1,13 @@
 """What a diagnosis tells: its verdict, what it has found, and how sure that is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fem.analysis.frf import FRF
 from fem.array_types import Floats
 from fem.model import Model
+from fem.recent import Unsent
 from updating.diagnosis.amplitude import deviation_at_level
 from updating.diagnosis.carried import CalibratedFrfs
 from updating.diagnosis.frf_modes import FrfModes
@@ -56,6 +57,8 @@ class Diagnosis(Verdict):
     noise_limit: float
     gates: Gates | None = None
     identified: FrfModes | None = None
+    # tables, pictures and files all show the same FRFs and bands
+    _computed: Unsent = field(default_factory=lambda: Unsent(limit=8), init=False)
 
     @property
     def stairs(self) -> Stairs:
@@ -85,10 +88,15 @@ class Diagnosis(Verdict):
 
     def frf(self, step: int) -> FRF:
         """Return the FRFs of a step in the kind of the measurement."""
-        return self.problem.frf(self.steps[step].result)
+        step = range(len(self.steps))[step]
+        return self._computed.get(("frf", step), lambda: self.problem.frf(self.steps[step].result))
 
     def deviation(self, step: int) -> Floats | None:
         """Return the standard deviation of the ln|H| that a step predicts; None for the nominal model."""
+        step = range(len(self.steps))[step]
+        return self._computed.get(("deviation", step), lambda: self._deviation(step))
+
+    def _deviation(self, step: int) -> Floats | None:
         result = self.steps[step].result
         if any(e.amplitude_dependent for e in result.effects):
             return deviation_at_level(self.problem, result)

@@ -72,9 +72,14 @@ class Ranked:
     score: float
     result: FitResult
 
+    @property
+    def effect(self) -> Effect | None:
+        """The effect as it was fitted."""
+        return next((e for e in self.result.effects if e.name == self.name), None)
+
     def extends(self, effect: Effect) -> bool:
         """Return whether it does the same as an effect at its place, and more."""
-        return any(covers(e, effect) for e in self.result.effects if e.name == self.name)
+        return self.effect is not None and covers(self.effect, effect)
 
     def __repr__(self) -> str:
         """Return the candidate with its values and errors on one line."""

@@ -182,7 +182,8 @@ class Verdict:
     def __repr__(self) -> str:
         """Return verdict, effects, probability, and the error after each step on one line."""
         effects = f": {listed(e.name for e in self.found)}" if self.found else ""
-        sure = f", probability {percent(self.reported.probability)}" if self.explanations else ""
+        alone = " of exactly this" if self.found else ""
+        sure = f", probability{alone} {percent(self.reported.probability)}" if self.explanations else ""
         stairs = self.stairs
         errors = " → ".join(f"{fitted:.3g}" for _, fitted, _ in stairs.rows)
         return summary(self, f"{self.verdict}{effects}{sure}; error {errors} {stairs.unit}")

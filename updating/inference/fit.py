@@ -207,6 +207,10 @@ class FitProblem(FrfInputs, Problem[FitData]):
         known = ((v, v.to_x(result.values[v.ref])) for v in self.nuisance_unknowns if v.ref in result.values)
         return {v.ref: (x - v.mean) / v.std for v, x in known if v.has_prior}
 
+    def error_words(self, result: FitResult) -> str:
+        """Return the error of a fit in words, in the unit of the report."""
+        return f"error {self.assessed(result).fit_db:.2f} dB"
+
     def assessed(self, result: FitResult, H: Complexes | None = None) -> FitResult:
         """Return a result with its errors on fitted and on held-out lines.
 

@@ -97,9 +97,9 @@ class ModeProblem(Problem[ModeTargets]):
         """The kind of data, in the singular."""
         return "measured mode"
 
-    def error_words(self, level: float) -> str:
-        """Return a level of residuals [-] as a reader knows it."""
-        return f"error of the natural frequencies {100 * level:.2g} %"
+    def error_words(self, result: FitResult) -> str:
+        """Return the error of a fit in words, in the unit of the report."""
+        return f"error of the natural frequencies {100 * result.level:.2g} %"
 
     @property
     def measured_modes(self) -> ModeTargets:

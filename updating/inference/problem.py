@@ -182,9 +182,9 @@ class Problem(FitInputs[D]):
             out = replace(out, reduced=better[1])
         return out
 
-    def error_words(self, level: float) -> str:
-        """Return a level of residuals [-] as a reader knows it."""
-        return f"residual {100 * level:.2g} %"
+    @abstractmethod
+    def error_words(self, result: FitResult) -> str:
+        """Return the error of a fit in words, in the unit of the report."""
 
     def allowed_squares(self) -> Floats:
         """Return the mean squares that a right model may leave beyond noise, of each group, (n_groups,)."""

@@ -22,8 +22,8 @@ def table(d: Verdict) -> Table:
     few = d.credible[:MOST_PRINTED]
     return Table.of(
         "explanations",
-        Column("probability", [e.probability for e in few], show=".2f"),
-        Column("explanation", [explanation_text(e) for e in few]),
+        Column("probability of it alone", [e.probability for e in few], show=".2f"),
+        Column("explanation", [explanation_text(e, d.model) for e in few]),
     )
 
 
@@ -38,9 +38,13 @@ def lines(d: Verdict) -> list[str | Table]:
 
 def credible(d: Verdict) -> TableBlock:
     """Return the explanations of the credible set with their values for a page."""
-    rows = [[f"{k}: {explanation_text(e)}", percent(e.probability)] for k, e in enumerate(d.credible, 1)]
+    rows = [
+        [f"{k}: {explanation_text(e, d.model)}", percent(e.probability)] for k, e in enumerate(d.credible, 1)
+    ]
     caption = "The fewest explanations that have a probability of 90 % together."
-    return TableBlock(["explanation", "probability"], rows, numbers=(1,), caption=caption, at_most=12)
+    return TableBlock(
+        ["explanation", "probability of exactly this"], rows, numbers=(1,), caption=caption, at_most=12
+    )
 
 
 def page(d: Verdict, shown: "Shown") -> list[Block]:
@@ -51,10 +55,11 @@ def page(d: Verdict, shown: "Shown") -> list[Block]:
     drawn = shown.figure(
         "probability",
         "Bars of the probability of each hypothesis; the table has the numbers.",
-        "Probability of each hypothesis by the data and the priors, all of them together 100 %.",
+        "Probability of each hypothesis, that exactly its effects are missing, by the data and the priors. "
+        "All of them together have 100 %.",
     )
     rows = [[name, percent(p)] for name, p in known]
-    every = TableBlock(["hypothesis", "probability"], rows, numbers=(1,), at_most=8)
+    every = TableBlock(["hypothesis", "probability of exactly this"], rows, numbers=(1,), at_most=8)
     more = [Text(f"{text}.")] if (text := probability_details(d)) else []
     return [Heading("How probable"), *more, drawn, every]
 

@@ -35,7 +35,7 @@ def page(result: RunResult[Verdict], shown: Shown) -> ReportSection:
     blocks += explanations.page(d, shown)
     for k, finding in enumerate(d.findings):
         if k < len(d.rounds):  # not of effects that were added by hand
-            blocks += [*_why(finding, d.rounds[k]), *_decided(d, k, shown.album[f"decides-{k + 1}"])]
+            blocks += [*_why(d, finding, d.rounds[k]), *_decided(d, k, shown.album[f"decides-{k + 1}"])]
         for twin, proposals in zip(finding.alternatives, finding.proposals, strict=False):
             blocks += _separated(finding, twin, proposals)
     text = (
@@ -78,7 +78,7 @@ def _absent(finding: Finding, found: EffectParameter, form: EffectParameter) -> 
     return words.with_unit(absent, form.unit, like=words.near(absent, form.value))
 
 
-def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
+def _why(d: Verdict, finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     accepted = next((r for r in ranked if r.name == finding.effect.name), None)
     known = [(accepted, "accepted"), *((t, "twin") for t in finding.alternatives)]
     extensions = [*finding.extensions, *(r for r in ranked if r.extends(finding.effect))]
@@ -103,7 +103,7 @@ def _why(finding: Finding, ranked: tuple[Ranked, ...]) -> list[Block]:
     )
     return [
         Heading(f"Why {words.effect_label(finding.effect.kind, finding.effect.where)}"),
-        rounds.block([(r, what) for r, what in known if r is not None], (0,) if accepted else ()),
+        rounds.block([(r, what) for r, what in known if r is not None], (0,) if accepted else (), d.model),
         Text(text),
     ]
 

@@ -22,7 +22,9 @@ def page(result: RunResult[ModeDiagnosis], shown: Shown) -> ReportSection:
         [f"{k + 1}", f"{f:.5g}", f"{off[k]:+.1f}" if math.isfinite(off[k]) else "–"]
         for k, f in enumerate(judged.first.problem.targets.frequency)
     ]
-    causes = [[words.explanation_text(c), percent(c.probability)] for c in judged.causes]
+    causes = [
+        [words.explanation_text(c, result.diagnosis.model), percent(c.probability)] for c in judged.causes
+    ]
     text = (
         "The calibrated model does not explain the first state. Something may be missing in both states. "
         "The change was searched for with each of these causes in the model, and probabilities are sums "

@@ -8,6 +8,8 @@ from dovetail.report import cells, words
 from dovetail.report.blocks import Block, Details, Line, ReportMark, ReportSection, TableBlock, Text
 from dovetail.report.table import Column, Table
 from dovetail.result import FrfResult, by_frfs
+from dovetail.spots import spot_label
+from fem.model import Model
 from fem.summary import counted
 from updating.diagnosis.diagnosis import Diagnosis
 from updating.diagnosis.findings import Ranked
@@ -78,7 +80,7 @@ def figure(d: Diagnosis, k: int) -> "Chart | None":
     return ranking(labels(ranked), errors, _before(d, k), **more)
 
 
-def table(ranked: Sequence[Ranked], k: int) -> Table:
+def table(ranked: Sequence[Ranked], k: int, model: Model) -> Table:
     """Return the candidates of a round."""
 
     def digits(values: Sequence[float]) -> str:
@@ -88,7 +90,7 @@ def table(ranked: Sequence[Ranked], k: int) -> Table:
     alike = [r.similarity for r in ranked]
     return Table.of(
         f"round {k + 1}",
-        Column("candidate", [words.ranked_label(r) for r in ranked]),
+        Column("candidate", [located_label(r, model) for r in ranked]),
         Column("fitted", fitted, "dB", digits(fitted)),
         Column("held-out", held_out, "dB", digits(held_out)),
         Column("similarity", alike, show=digits(alike)),
@@ -102,17 +104,22 @@ def lines(d: Diagnosis, number: int) -> list[str | Table]:
     for k, ranked in enumerate(d.rounds):
         if ranked:
             heading = f"round {k + 1}, {min(number, len(ranked))} of {len(ranked)} candidates"
-            out += ["", heading, table(ranked, k).first(number)]
+            out += ["", heading, table(ranked, k, d.model).first(number)]
     return out
 
 
-def block(known: Sequence[tuple[Ranked, str]], marked: Sequence[int]) -> TableBlock:
+def located_label(r: Ranked, model: Model) -> str:
+    """Return a candidate in words, with the numbers of its node or element."""
+    return words.ranked_label(r) + spot_label(r.effect, model)
+
+
+def block(known: Sequence[tuple[Ranked, str]], marked: Sequence[int], model: Model) -> TableBlock:
     """Return a table of candidates, each with a tag or an empty one."""
     values = [(r.fit_db, r.held_out_db, r.similarity) for r, _ in known]
     digits = [words.digits_apart(first, column) for first, *column in zip(*values, strict=True)]
     rows: list[list[Line]] = []
     for (r, what), numbers in zip(known, values, strict=True):
-        label = (words.ranked_label(r), " ", ReportMark(what) if what else "")
+        label = (located_label(r, model), " ", ReportMark(what) if what else "")
         numbers_ = (cells.decimals(x, n) for x, n in zip(numbers, digits, strict=True))
         rows.append([label, words.parameters_text(r.parameters), *numbers_])
     return TableBlock(HEADS, rows, numbers=(2, 3, 4), marked=marked)
@@ -143,7 +150,7 @@ def _round(d: Diagnosis, shown: "Shown", k: int) -> list[Block]:
     if finding is not None:
         roles |= {t.name: "contains it" for t in finding.extensions} | {finding.effect.name: "accepted"}
     known = [(r, roles.get(r.name, "")) for r in ranked]
-    numbers = block(known, [i for i, (_, what) in enumerate(known) if what == "accepted"])
+    numbers = block(known, [i for i, (_, what) in enumerate(known) if what == "accepted"], d.model)
     if len(ranked) < 2:
         return [Text(f"One candidate was fitted fully; without it {_before(d, k):.2f} dB are left."), numbers]
     title = f"Round {k + 1} in numbers: {counted(len(ranked), 'candidate')}"

@@ -353,7 +353,7 @@ class Search(Generic[P]):
         """Return the best hypothesis and the error that it leaves, in words."""
         best = self.best
         what = labels(best.effects) if best.effects else "no effect found"
-        return f"so far: {what}, {self.fits.problem.error_words(best.fitted.level)}"
+        return f"so far: {what}, {self.fits.problem.error_words(best.fitted)}"
 
     def end_early(self) -> None:
         """Let what follows take no longer than it must."""
