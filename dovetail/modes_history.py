@@ -74,8 +74,9 @@ def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) ->
     """
     study = by_modes(study)
     if study.baseline is None or not study.states:
-        missing = "[baseline]" if study.baseline is None else "[[states]]"
-        msg = f"{study.path.name}: it has no {missing}; a history needs a baseline and later states"
+        missing = "no [baseline]" if study.baseline is None else "no [[states]]"
+        missing = study.lack_of_frfs if study.awaited else missing
+        msg = f"{study.path.name}: it has {missing}; a history needs a baseline and later states"
         raise StudyError(msg)
     before, out = targets_of(study.baseline), list[StateChange]()
     for k, state in enumerate(study.states):

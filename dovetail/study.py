@@ -671,16 +671,20 @@ class Study(config.StudyContents):
         return run(self, Path(out), progress, processes=processes)
 
 
-def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEEDS) -> Study:
+def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.BEFORE_TEST) -> Study:
     """Read a study file and the files that it names.
+
+    Before its test a study may name files with measured data that do not exist yet: it has a model, modes, a
+    plan; what compares it with data raises a StudyError that names the file.
 
     Parameters
     ----------
     path : path
         A TOML file; see docs/study-file.md. Other files are looked for beside it.
     needs : collection of str
-        Which of ``"sensors"`` and ``"measurements"`` must be right besides the model. Anything else that
-        cannot be read is left out, with a sentence in ``Study.warnings``.
+        Which of ``"sensors"`` and ``"measurements"`` must be right besides the model, and whether the
+        ``"files"`` with measured data must exist. Anything else that cannot be read is left out, with a
+        sentence in ``Study.warnings``.
 
     Raises
     ------

@@ -6,6 +6,7 @@ from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, assumptions, notes_of_mesh, warn
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
+from dovetail.file.config import NEEDS
 from dovetail.file.contents import has_modes_alone, measured, without_held_out
 from dovetail.file.table import StudyError
 from dovetail.report.table import Column, Table
@@ -67,7 +68,7 @@ def run(options: Options, progress: Progress) -> Answer:
 def _read(path: Path) -> tuple[Study, tuple[str, ...]]:
     """Return a study, and why ``dovetail run`` would refuse it; without the parts that cannot be read."""
     try:
-        study = load_study(path)
+        study = load_study(path, NEEDS)
         if study.has_data and not has_modes_alone(study):
             for measurement in measured(study, phases=False):
                 usable_lines(without_held_out(study, measurement), study.band)

@@ -8,6 +8,7 @@ from dovetail.commands.argument_types import count, positive, share
 from dovetail.commands.common import Options, loaded
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress, write_json
+from dovetail.file.config import BEFORE_TEST
 
 if TYPE_CHECKING:
     from dovetail.file.contents import StudyContents
@@ -91,7 +92,7 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail.report import planning
     from updating.plan.plan import with_averages
 
-    study = loaded(options)
+    study = loaded(options, BEFORE_TEST)
     if options.check or options.separate:
         require_planned(study, options.noise, options.left)
     test = options.add, options.choose, options.excitations
