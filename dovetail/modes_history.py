@@ -9,11 +9,12 @@ import numpy as np
 from dovetail.file.contents import StudyContents
 from dovetail.file.table import StudyError
 from dovetail.modes_pipeline import by_modes, diagnose_study_modes, targets_of
+from dovetail.report.printed import Printed
 from dovetail.report.table import Column, Table
 from dovetail.report.words import explanation_text
 from dovetail.result import diagnosis_dict
 from fem.array_types import Floats
-from fem.summary import percent
+from fem.summary import percent, summary
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.states import partners
 from updating.diagnosis.verdict import EFFECT, NOTHING
@@ -54,6 +55,58 @@ class StateChange:
         return d.reported.probability if d.verdict in (EFFECT, NOTHING) else np.nan
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class History(Printed):
+    """What has changed since the baseline in each of several states.
+
+    Attributes
+    ----------
+    name : str
+        The study's.
+    baseline : ndarray (n_modes,)
+        Frequencies of the baseline [Hz].
+    states : tuple of StateChange
+    """
+
+    name: str
+    baseline: Floats
+    states: tuple[StateChange, ...]
+
+    def __repr__(self) -> str:
+        """Return the states with their changes on one line."""
+        return summary(self, f"{self.name}: " + ", ".join(f"{s.name}: {s.answer}" for s in self.states))
+
+    def printed(self) -> list[str | Table]:
+        """Return a line, and a table of the states, as ``dovetail history`` prints them."""
+        states = self.states
+        sized = [s.shift[np.isfinite(s.shift)] for s in states]
+        largest = [s[np.abs(s).argmax()] if s.size else None for s in sized]
+        table = Table.of(
+            "states",
+            Column("state", [s.name for s in states]),
+            Column("largest shift", largest, "%", "+.2f", 100),
+            Column("probability", [s.probability for s in states], show=percent),
+            Column("change since the baseline", [s.answer for s in states]),
+        )
+        return [f"{self.name}: {len(states)} states after the baseline", "", table]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it in plain types."""
+        return {
+            "baseline_Hz": self.baseline,
+            "states": [
+                {
+                    "name": s.name,
+                    "shift": s.shift,
+                    "shift_std": s.std,
+                    "answer": s.answer,
+                    **diagnosis_dict(s.diagnosis),
+                }
+                for s in self.states
+            ],
+        }
+
+
 def shifts(before: ModeTargets, after: ModeTargets) -> tuple[Floats, Floats]:
     """Return ln(f / f of the baseline) of the baseline's modes and its deviation, NaN without a partner."""
     shift, std = np.full((2, before.n), np.nan)
@@ -64,7 +117,7 @@ def shifts(before: ModeTargets, after: ModeTargets) -> tuple[Floats, Floats]:
     return shift, std
 
 
-def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) -> tuple[StateChange, ...]:
+def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) -> History:
     """Find what has changed since the baseline in each of a study's states.
 
     Raises
@@ -74,8 +127,9 @@ def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) ->
     """
     study = by_modes(study)
     if study.baseline is None or not study.states:
-        missing = "[baseline]" if study.baseline is None else "[[states]]"
-        msg = f"{study.path.name}: it has no {missing}; a history needs a baseline and later states"
+        missing = "no [baseline]" if study.baseline is None else "no [[states]]"
+        missing = study.lack_of_frfs if study.awaited else missing
+        msg = f"{study.path.name}: it has {missing}; a history needs a baseline and later states"
         raise StudyError(msg)
     before, out = targets_of(study.baseline), list[StateChange]()
     for k, state in enumerate(study.states):
@@ -86,35 +140,4 @@ def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) ->
         judged = out[-1].diagnosis.judged if out else None
         found = diagnose_study_modes(replace(study, modes=state.modes, measurements=()), report, judged)
         out.append(StateChange(state.name, *shifts(before, targets_of(state.modes)), found))
-    return tuple(out)
-
-
-def history_lines(study: StudyContents, history: tuple[StateChange, ...]) -> list[str | Table]:
-    """Return a history as printed: a line, and a table of the states."""
-    sized = [s.shift[np.isfinite(s.shift)] for s in history]
-    table = Table.of(
-        "states",
-        Column("state", [s.name for s in history]),
-        Column("largest shift", [s[np.abs(s).argmax()] if s.size else None for s in sized], "%", "+.2f", 100),
-        Column("probability", [s.probability for s in history], show=percent),
-        Column("change since the baseline", [s.answer for s in history]),
-    )
-    return [f"{study.name}: {len(history)} states after the baseline", "", table]
-
-
-def history_dict(study: StudyContents, history: tuple[StateChange, ...]) -> dict[str, Any]:
-    """Return a history in plain types."""
-    assert study.baseline is not None
-    return {
-        "baseline_Hz": study.baseline.modes.frequency,
-        "states": [
-            {
-                "name": s.name,
-                "shift": s.shift,
-                "shift_std": s.std,
-                "answer": s.answer,
-                **diagnosis_dict(s.diagnosis),
-            }
-            for s in history
-        ],
-    }
+    return History(study.name, study.baseline.modes.frequency, tuple(out))

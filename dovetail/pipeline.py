@@ -12,7 +12,7 @@ import numpy as np
 from dovetail.disk.output import Output, check_outputs, result_folder, write_json
 from dovetail.file.contents import StudyContents, has_modes_alone, measured, without_held_out
 from dovetail.file.paths import input_files
-from dovetail.file.settings import N_BANDS
+from dovetail.file.settings import N_MAP_BANDS
 from dovetail.found import found_text
 from dovetail.modes_pipeline import (
     by_modes,
@@ -234,8 +234,8 @@ def _compared_frfs(study: StudyContents, d: Diagnosis, say: Progress) -> dict[st
     nominal, _, fitted = modes_of(d)
     frfs = (d.frf(k) for k in range(len(steps)))
     more: dict[str, Any] = {
-        "comparisons": tuple(compare(problem.measured, frf, N_BANDS, problem.data.mask) for frf in frfs),
-        "localisation": locate(problem, steps[min(1, len(steps) - 1)].result, N_BANDS),
+        "comparisons": tuple(compare(problem.measured, frf, N_MAP_BANDS, problem.data.mask) for frf in frfs),
+        "localisation": locate(problem, steps[min(1, len(steps) - 1)].result, N_MAP_BANDS),
         "modes": pair_modes(nominal, fitted, d.model.mesh.n_points),
     }
     say(f"{WRITING}: identifying modes in the FRFs", 0.3)

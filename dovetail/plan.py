@@ -73,9 +73,10 @@ def _plan(study: StudyContents, noise: float | None, left_db: float | None, say:
         found = search_of_problem(*prepared, progress=lambda text, done: say(text, 0.3 * done))
         return plan_from_search(found, study.relevant, lambda text, done: say(text, 0.3 + 0.7 * done), data)
     if not (study.sensors and study.excitations):
+        awaited = f"; {study.awaited[-1]}" if study.awaited else ""
         msg = (
             f"{study.path}: a plan needs [[sensors]] and [[excitations]], or the numbers to choose "
-            "(--choose 8 --excitations 2; in Python choose=8, excitations=2)"
+            f"(--choose 8 --excitations 2; in Python choose=8, excitations=2){awaited}"
         )
         raise StudyError(msg)
     frequency = _lines(study)

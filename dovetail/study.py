@@ -28,8 +28,8 @@ from dovetail.file.paths import input_files
 from dovetail.file.settings import N_BANDS
 from dovetail.file.table import StudyError, StudyFileError, suggest
 from dovetail.file.writing import rebased_values
-from dovetail.notebook.html import inner, table
 from dovetail.notebook.responses import StudyFRF
+from dovetail.report.html import inner, table
 from fem.analysis.frf import FRFKind
 from fem.analysis.loads import LoadCase
 from fem.analysis.modes import Modes, first_modes
@@ -48,13 +48,17 @@ from updating.measurement.computed import computed_frf
 
 # Methods that compare, fit and diagnose import what they need: modes and static responses need none of it.
 if TYPE_CHECKING:
+    from dovetail.modes_history import History
     from dovetail.notebook.candidates import Candidates
     from dovetail.notebook.comparison import Misfit, StudyComparison
     from dovetail.notebook.diagnosis import StudyDiagnosis, StudyModeDiagnosis
+    from dovetail.notebook.faults import Faults
+    from dovetail.notebook.located import Located
     from dovetail.notebook.modes import StudyModeComparison
     from dovetail.notebook.planned import Planned
     from dovetail.pipeline import Progress
     from dovetail.result import RunResult
+    from dovetail.update import Identified, StudyUpdate
     from updating.diagnosis.diagnosis import Diagnosis
     from updating.diagnosis.findings import Finding
     from updating.diagnosis.mode_diagnosis import ModeDiagnosis
@@ -366,6 +370,88 @@ class Study(config.StudyContents):
         found = diagnose_any(self, progress, processes, budget)
         return StudyDiagnosis.of(found, self) if by_frfs(found) else StudyModeDiagnosis.of(found, self)
 
+    def locate(self, n_bands: int = N_BANDS, progress: Progress | None = None) -> Located:
+        """Return which sensors, bands, members and places carry the misfit of the FRFs.
+
+        Once the uncertain parameters are fitted: it says where a change would help, not what is wrong. It
+        prints as ``dovetail locate`` does.
+
+        Parameters
+        ----------
+        n_bands : int
+            Number of equal frequency bands.
+        progress : callable, optional
+            Called with a text and the fraction done; an exception from it ends the work.
+
+        Raises
+        ------
+        StudyError
+            If the study has no FRFs.
+        """
+        from dovetail.notebook.located import located
+
+        return located(self, n_bands, progress)
+
+    def check(self) -> Faults:
+        """Return probable faults of the model, such as loose parts, as ``dovetail check`` finds them."""
+        from dovetail.notebook.faults import faults_of
+
+        return faults_of(self)
+
+    def identify_modes(
+        self, measurement: str | None = None, band: tuple[float, float] | None = None
+    ) -> Identified:
+        """Return the natural modes in the measured FRFs with their uncertainty.
+
+        Parameters
+        ----------
+        measurement : str, optional
+            Its name; the first unless given.
+        band : (float, float), optional
+            Lowest and highest frequency; the study's unless given [Hz].
+
+        Raises
+        ------
+        StudyError
+            If the study has no such measurement.
+        IdentificationError
+            If the FRFs do not allow it.
+        """
+        from dovetail.update import identify_study
+
+        return identify_study(self, measurement, band)
+
+    def update(self) -> StudyUpdate:
+        """Return the uncertain parameters updated to measured modes or FRFs, as ``[update]`` says.
+
+        ``study.update().save("updated.toml")`` writes the study with the new values.
+
+        Raises
+        ------
+        StudyError
+            If nothing was measured, or nothing is uncertain.
+        """
+        from dovetail.update import update_study
+
+        return update_study(self)
+
+    def history(self, progress: Progress | None = None) -> History:
+        """Return what has changed since the baseline in each of the study's states.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Called with a text and the fraction done; an exception from it ends the work.
+
+        Raises
+        ------
+        StudyError
+            If the study has no modes of a baseline, or no states.
+        """
+        from dovetail.modes_history import diagnose_history
+
+        return diagnose_history(self, progress or (lambda text, done: None))
+
     def plan(
         self,
         noise: float | None = None,
@@ -411,7 +497,7 @@ class Study(config.StudyContents):
 
         study = self if kinds is None else self._of_kinds(kinds)
         test, chosen = with_chosen(study, add, choose, excitations, noise, left_db, progress)
-        return Planned(plan_study(test, noise, left_db, progress), chosen)
+        return Planned(plan_study(test, noise, left_db, progress), chosen, self.name, self.path)
 
     def _of_kinds(self, kinds: Sequence[str] | str) -> Study:
         """Return the study with candidates of some kinds alone."""
@@ -671,16 +757,20 @@ class Study(config.StudyContents):
         return run(self, Path(out), progress, processes=processes)
 
 
-def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.NEEDS) -> Study:
+def load_study(path: str | os.PathLike[str], needs: Collection[str] = config.BEFORE_TEST) -> Study:
     """Read a study file and the files that it names.
+
+    Before its test a study may name files with measured data that do not exist yet: it has a model, modes, a
+    plan; what compares it with data raises a StudyError that names the file.
 
     Parameters
     ----------
     path : path
         A TOML file; see docs/study-file.md. Other files are looked for beside it.
     needs : collection of str
-        Which of ``"sensors"`` and ``"measurements"`` must be right besides the model. Anything else that
-        cannot be read is left out, with a sentence in ``Study.warnings``.
+        Which of ``"sensors"`` and ``"measurements"`` must be right besides the model, and whether the
+        ``"files"`` with measured data must exist. Anything else that cannot be read is left out, with a
+        sentence in ``Study.warnings``.
 
     Raises
     ------

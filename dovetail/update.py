@@ -1,14 +1,17 @@
 """Modes and updated values of a study: identify, update, and write the results into its text."""
 
+import os
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from dovetail.disk.output import Output, check_outputs
 from dovetail.file.config import StudyContents, read_study
 from dovetail.file.contents import measured, without_held_out
 from dovetail.file.effects import written_values
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
+from dovetail.file.paths import input_files
 from dovetail.file.table import StudyError, suggest
 from dovetail.file.toml import FITTED_DIGITS
 from dovetail.found import text_with_model, values_in, with_test
@@ -18,8 +21,11 @@ from dovetail.modes_pipeline import (
     targets_of,
 )
 from dovetail.pipeline import formed_problem_and_model
+from dovetail.report.printed import Printed
 from fem.analysis.modes import solve_modes
+from fem.io.atomic import replacing
 from fem.model import Model, ParameterRef
+from fem.summary import counted, summary
 from fem.system import assemble
 from updating.correlation.pairing import ModeComparison, compare_modes
 from updating.diagnosis.frf_modes import modes_in, with_more_sensors
@@ -28,13 +34,14 @@ from updating.inference.update import update_fitted
 from updating.inference.updated import Updated
 from updating.measurement.measurement import Measurement, sensor_rows, with_resting_base
 from updating.modal.identified_modes import IdentifiedModes
+from updating.modal.peaks import peak_words
 
 WRITTEN_VALUE_TOLERANCE = 10.0 ** (1 - FITTED_DIGITS)
 """Values of a written study differ by no more than this from those of the update, relatively [-]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StudyUpdate:
+class StudyUpdate(Printed):
     """An updating of a study's model.
 
     Attributes
@@ -65,13 +72,103 @@ class StudyUpdate:
     after: ModeComparison | None
     notes: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """Return the data and the ending on one line."""
+        return summary(self, f"{self.study.name}: updated to {' and '.join(self.to)}; {self.ending}")
+
+    @property
+    def ending(self) -> str:
+        """Why the update ended, in words."""
+        return self.updated.ending.value[0]
+
+    def printed(self) -> list[str]:
+        """Return the parameters with their ±, and the errors, as ``dovetail update`` prints them."""
+        first = f"{self.study.name}: updated to {' and '.join(self.to)}; {self.ending}"
+        return [first, self.updated.table(), *errors_before_and_after(self)]
+
+    def save(self, path: str | os.PathLike[str]) -> tuple[str, ...]:
+        """Write the study with the updated values; return what of them a study file does not hold.
+
+        Comments, order and spelling of the file stay.
+
+        Raises
+        ------
+        OutputError
+            If ``path`` is one of the files that the study reads.
+        """
+        path = Path(path)
+        check_outputs(input_files(self.study.path), Output("path", path))
+        text, unsaid = updated_text(self.study, self.updated, path.parent)
+        with replacing(path) as scratch:
+            scratch.write_text(text, encoding="utf-8")
+        return unsaid
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identified(Printed):
+    """Modes that were identified in a study's FRFs.
+
+    Attributes
+    ----------
+    name : str
+        The study's.
+    found : IdentifiedModes
+    measurement : Measurement
+        With the shapes' channels as sensors.
+    warnings : tuple of str
+        Of the identification.
+    is_roving : bool
+        Whether shapes are of the places of forces.
+    """
+
+    name: str
+    found: IdentifiedModes
+    measurement: Measurement
+    warnings: tuple[str, ...]
+    is_roving: bool
+
+    def __repr__(self) -> str:
+        """Return how many modes there are, in which measurement, on one line."""
+        return summary(self, f"{self.name}: {counted(self.found.modes.n_modes, 'mode')}")
+
+    def printed(self) -> list[str]:
+        """Return the modes with their uncertainty, as ``dovetail identify-modes`` prints them."""
+        found, data = self.found, self.measurement
+        rejected = sum(not c.accepted for c in found.candidates)
+        roving = (
+            f"shapes are of the {len(data.sensors)} places of forces, which are more than those of responses "
+            "(reciprocity: H_jk = H_kj)"
+        )
+        explained = peak_words(found.unexplained)
+        return [
+            f"{self.name}: {found.modes.n_modes} mode(s) identified from {data.name}; {rejected} other "
+            "pole(s) were tried and rejected",
+            *([roving] if self.is_roving else []),
+            found.table(),
+            *(f"warning: {text}" for text in self.warnings if text not in explained),
+        ]
+
+
+def errors_before_and_after(result: StudyUpdate) -> list[str]:
+    """Return the errors at the start and at the end, in sentences."""
+    first, last = result.updated.path[0].errors, result.updated.path[-1].errors
+    out = []
+    for label, a, b in (
+        ("natural frequencies, rms [%]", 100 * first.frequency, 100 * last.frequency),
+        ("MAC, mean", first.mac, last.mac),
+        ("FRFs, rms [dB]", first.frf_db, last.frf_db),
+    ):
+        if np.isfinite(a) and np.isfinite(b):
+            out.append(f"{label}: {a:.3g} before, {b:.3g} after")
+    return out
+
 
 def identify_study(
     study: StudyContents,
     measurement: str | None = None,
     band: tuple[float, float] | None = None,
     limits: ShapeLimits | None = None,
-) -> tuple[IdentifiedModes, Measurement, tuple[str, ...]]:
+) -> Identified:
     """Identify the modes of a study's measurement.
 
     Shapes are of the side with more places: of a roving hammer those of its forces.
@@ -85,11 +182,6 @@ def identify_study(
         That of the study unless given [Hz].
     limits : ShapeLimits, optional
         That of the study unless given.
-
-    Returns
-    -------
-    IdentifiedModes, Measurement, tuple of str
-        The measurement has the shapes' channels as sensors. The last are the warnings of the identification.
 
     Raises
     ------
@@ -105,7 +197,8 @@ def identify_study(
     data = study.measurements[0] if measurement is None else by_name[measurement]
     data = with_more_sensors(data, study.model)
     found, warnings = modes_in(data, band or study.band, **asdict(limits or study.shape_limits))
-    return found, data, (*_beyond(data, band), *warnings)
+    is_roving = not {s.name for s in data.sensors} <= {s.name for s in study.sensors}
+    return Identified(study.name, found, data, (*_beyond(data, band), *warnings), is_roving)
 
 
 def _beyond(data: Measurement, band: tuple[float, float] | None) -> tuple[str, ...]:
@@ -146,9 +239,9 @@ def update_study(study: StudyContents) -> StudyUpdate:
     identified, notes = None, []
     modes = given
     if given is None and ("modes" in to or "frequencies" in to):
-        identified, data, warnings = identify_study(study)
-        notes += warnings
-        modes = as_measured(identified, data)
+        one = identify_study(study)
+        identified, notes = one.found, [*notes, *one.warnings]
+        modes = as_measured(identified, one.measurement)
     shaped = "modes" in to
     targets = None
     if modes is not None and (shaped or "frequencies" in to):

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from dovetail.file.settings import N_BANDS
 from fem.model import DIRECTIONS
 
 N = TypeVar("N", int, float)
@@ -76,8 +77,8 @@ def add_pool(p: argparse.ArgumentParser, units: str) -> None:
 
 def add_bands(p: argparse.ArgumentParser) -> None:
     """Add the number of frequency bands."""
-    words = "number of equal frequency bands (default 6)"
-    p.add_argument("--bands", type=integer_up_to(1000), default=6, metavar="N", help=words)
+    words = f"number of equal frequency bands (default {N_BANDS})"
+    p.add_argument("--bands", type=integer_up_to(1000), default=N_BANDS, metavar="N", help=words)
 
 
 def add_kind(p: argparse.ArgumentParser) -> None:

@@ -6,20 +6,17 @@ from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, assumptions, notes_of_mesh, warn
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
+from dovetail.file.config import NEEDS
 from dovetail.file.contents import has_modes_alone, measured, without_held_out
 from dovetail.file.table import StudyError
+from dovetail.notebook.faults import faults_of
 from dovetail.report.table import Column, Table
 from dovetail.study import Study, load_study
-from fem.checks import Defect, check_model
 from fem.io.atomic import replacing
 from fem.lengths import show_lengths
-from fem.summary import counted
 from updating.measurement.measurement import usable_lines
-from updating.quality.channels import check_channels
 
 EXAMPLE = "dovetail check study.toml --picture faults.png"
-UNMOVED = {"model", "no properties", "mechanism", "loose part", "unused point"}
-"""Faults of a model that has no motion, or one that nothing opposes: nothing is asked of its sensors."""
 RESULTS = Results(picture="the faults, and how a mechanism moves", rendered=True)
 
 
@@ -27,23 +24,15 @@ def run(options: Options, progress: Progress) -> Answer:
     """Return probable faults of the model; draw where they are."""
     study, refusals = _read(options.study)
     show_lengths(study.length_unit)
-    unread = {text for text in study.warnings if any(words in text for words in study.left_out)}
-    warnings = [text for text in study.warnings if text not in study.implausible and text not in unread]
-    warn(warnings)
     progress("checking the model")
-    faults = tuple(f for f in check_model(study.model) if f.kind != "implausible")
-    faults += tuple(Defect("implausible", words) for words in study.implausible)
-    if not any(f.kind in UNMOVED for f in faults):
-        lines = study.measurements[0].frf.frequency if study.measurements else study.frequency
-        faults += check_channels(study.model, study.sensors, study.excitations, lines, study.measurements)
-    faults += tuple(Defect("refused", words) for words in refusals)
+    faults = faults_of(study, refusals)
+    warn(faults.warnings)
     if options.picture is not None:
         from viz.render import render_faults
 
         progress("drawing the faults")
         with replacing(options.picture) as scratch:
-            render_faults(study.model, faults, scratch)
-    mesh, more = study.model.mesh, counted(len(warnings), "warning")
+            render_faults(study.model, faults.found, scratch)
     notes = [*notes_of_mesh(study), *assumptions(study)]
     refused = f"{options.study}: 'dovetail run' would refuse it: {refusals[0]}" if refusals else ""
     found = [
@@ -53,10 +42,10 @@ def run(options: Options, progress: Progress) -> Answer:
     return Answer(
         study,
         [
-            f"{study.name}: {mesh.n_points} points, {mesh.n_lines} elements, {len(mesh.members)} members",
-            *(f"  {f.kind}: {f.message}" for f in faults),
+            faults.size,
+            *faults.lines,
             *([*notes, ""] if notes else []),
-            (f"{len(faults)} fault(s) found" if faults else "no faults found") + f", {more}" * bool(warnings),
+            faults.count,
         ],
         {"faults": found},
         sheets=[Table.of("faults", *(Column(key, [f[key] for f in found]) for key in ("kind", "message")))],
@@ -67,7 +56,7 @@ def run(options: Options, progress: Progress) -> Answer:
 def _read(path: Path) -> tuple[Study, tuple[str, ...]]:
     """Return a study, and why ``dovetail run`` would refuse it; without the parts that cannot be read."""
     try:
-        study = load_study(path)
+        study = load_study(path, NEEDS)
         if study.has_data and not has_modes_alone(study):
             for measurement in measured(study, phases=False):
                 usable_lines(without_held_out(study, measurement), study.band)

@@ -3,7 +3,6 @@
 import argparse
 import sys
 from collections.abc import Collection, Iterable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ from dovetail.disk.output import Output, OutputError, check_outputs
 from dovetail.file.config import NEEDS
 from dovetail.file.paths import InputFile, input_files
 from dovetail.report.office import office
-from dovetail.report.table import Column
 from dovetail.study import Study, load_study
 from fem.io import write_uff
 from fem.lengths import show_lengths
@@ -111,12 +109,3 @@ def noted(*notes: Iterable[str]) -> list[str]:
 
 def _listed(texts: Iterable[str]) -> list[str]:
     return [f"  - {text}" for text in texts]
-
-
-def columns_of_bands(bands: np.ndarray, errors_db: np.ndarray) -> list[Column]:
-    """Return a column for each band [Hz], of the errors (n_rows, n_bands) [dB]."""
-    names = [f"{a:.4g}-{b:.4g}" for a, b in pairwise(bands)]
-    return [
-        Column(f"{name} Hz", errors, "dB", ".2f", head=name)
-        for name, errors in zip(names, errors_db.T, strict=True)
-    ]

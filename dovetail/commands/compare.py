@@ -8,14 +8,12 @@ import numpy as np
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import AddEffect, SetValues, add_bands, values_by_name
-from dovetail.commands.common import Options, check_places, columns_of_bands, loaded, noted
+from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.disk.output import Progress
 from dovetail.file.contents import has_modes_alone
-from dovetail.report.table import Column, Table
 
 if TYPE_CHECKING:
     from dovetail.study import Study
-    from updating.correlation.frf_correlation import Comparison
 
 EXAMPLE = "dovetail compare study.toml --add point_mass:beam --set mass=0.45,position=0.12 --fitted"
 
@@ -61,8 +59,8 @@ def run(options: Options, progress: Progress) -> Answer:
     """Return how far the model's FRFs, or natural frequencies, are from the measured ones."""
     from dovetail import pipeline, result
     from dovetail.commands.compared_modes import compare_modes
+    from dovetail.notebook.comparison import StudyComparison
     from dovetail.report import words
-    from updating.correlation import compare as compare_frfs
     from updating.correlation.frf_correlation import exchanged_labels
     from updating.diagnosis.begin import begin_fitted
     from updating.quality.signs import reversed_channels
@@ -86,22 +84,17 @@ def run(options: Options, progress: Progress) -> Answer:
     else:
         problem = pipeline.fit_problem(study)
         found = problem.nominal()
-    computed = problem.frf(found)
-    c = compare_frfs(problem.measured, computed, options.bands, problem.data.mask)
-    exchanged = exchanged_labels(problem.measured, computed, problem.data.mask)
+    what = "with fitted parameters" if options.fitted else "nominal"
+    label = what + " with added effects" * bool(study.added)
+    c = StudyComparison.of(problem, found, options.bands, study.name, label)
+    exchanged = exchanged_labels(problem.measured, c.computed, problem.data.mask)
     rows, columns = ({n for side, *pair in exchanged if side == word for n in pair} for word in SIDES)
     turned = reversed_channels(problem, found, rows, columns)
     suspected = (*exchanged.values(), *turned.words)
-    what = "with fitted parameters" if options.fitted else "nominal"
-    with_added = " with added effects" if study.added else ""
-    held_out = f"{found.held_out_db:.2f}" if np.isfinite(found.held_out_db) else "-"
     return Answer(
         study,
         [
-            f"{study.name}, {what}{with_added}: error of the amplitude {found.fit_db:.2f} dB on the lines of "
-            f"the fit, {held_out} on those held out and {c.total_db:.2f} on all; noise of the measurement "
-            f"{problem.data.noise_db:.2f} dB",
-            _table(c),
+            *c.printed(),
             *(f"added: {words.added_text(e, study.fitted)}" for e in study.added),
             *(f"corrected: {words.fault_text(f)}" for f in faults),
             *suspected,
@@ -123,28 +116,13 @@ def run(options: Options, progress: Progress) -> Answer:
     )
 
 
-def _table(c: "Comparison") -> Table:
-    """Return the error of each sensor over all lines and in each band, or of each place of a roving force."""
-    from dovetail.result import least_frac
-
-    words = "sensor", "sensors"
-    if c.moving_forces:
-        c, words = c.transposed(), ("excitation", "excitations")
-    return Table.of(
-        words[1],
-        Column(words[0], c.outputs),
-        Column("all lines", c.by_sensor(), "dB", ".2f", head="all dB"),
-        *columns_of_bands(c.bands, c.by_band()),
-        Column("least FRAC", least_frac(c), show=".3f"),
-    )
-
-
 def _compare_amplitudes(options: Options, study: "Study", progress: Progress) -> Answer:
     """Return how far the model's amplitudes are from measured ones, which have no phase.
 
     No line is held out, and FRAC, which needs phases, is left out.
     """
     from dovetail import result
+    from dovetail.notebook.comparison import table_of_errors
     from updating.correlation.frf_correlation import compare as compare_frfs
     from updating.measurement.computed import computed_frf
 
@@ -159,7 +137,7 @@ def _compare_amplitudes(options: Options, study: "Study", progress: Progress) ->
         [
             f"{study.name}, nominal: error of the amplitude {c.total_db:.2f} dB on all lines of {m.name}, "
             "whose FRFs have no phase",
-            _table(c),
+            table_of_errors(c),
             *noted(study.measured_notes),
         ],
         {

@@ -3,15 +3,11 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, noted
 from dovetail.disk.output import Progress
-from dovetail.report.table import Column, Table
 
 if TYPE_CHECKING:
-    from dovetail.notebook.modes import StudyModeComparison
     from dovetail.study import Study
     from updating.inference.fit_result import FitResult
     from updating.inference.mode_fit import ModeProblem
@@ -42,17 +38,10 @@ def compare_modes(options: Options, study: "Study", progress: Progress) -> Answe
     c = StudyModeComparison.of(problem, found, study.name, what)
     fitted = found if options.fitted else None
     added = study.added if fitted is None else fitted.effects
-    held_out = c.held_out_error
-    predicted = f", {100 * held_out:.2g} % of those held out" if np.isfinite(held_out) else ""
-    error = f"error of the natural frequencies {100 * c.error:.2g} %"
-    if not np.isfinite(c.error):
-        error = "no measured mode has a partner in the model"
     return Answer(
         study,
         [
-            f"{study.name}, {what}: {error}{predicted}; standard deviation of the measurement "
-            f"{100 * problem.targets.noise_level:.2g} %",
-            _table(c),
+            *c.printed(),
             *(f"added: {words.added_text(e, fitted)}" for e in added),
             *noted([ON_BASELINE] if study.baseline is not None else [], study.measured_notes),
         ],
@@ -86,20 +75,3 @@ def _fitted(study: "Study", progress: Progress) -> "tuple[ModeProblem, FitResult
     problem = mode_problem(base)
     progress("fitting the uncertain parameters" + (" and the added effects" if effects else ""), 0.3)
     return fit_given(problem, effects)
-
-
-def _table(c: "StudyModeComparison") -> Table:
-    """Return measured and computed modes."""
-    file = ("file",)
-    return Table.of(
-        "modes",
-        Column("measured", c.measured, "Hz"),
-        Column("computed", c.computed, "Hz"),
-        Column("off by", c.computed / c.measured - 1, "%", "+.3f", 100),
-        Column("std", c.std, "%", ".2g", 100),
-        Column("MAC", c.mac, show=".3f"),
-        Column("measured zeta", c.zeta, "%", scale=100, places=file),
-        Column("computed zeta", c.zeta_computed, "%", scale=100, places=file),
-        Column("held out", c.held_out, places=file),
-        Column("", ["predicted, not fitted" * bool(held_out) for held_out in c.held_out], places=("text",)),
-    )

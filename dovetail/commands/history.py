@@ -13,29 +13,26 @@ RESULTS = Results(picture="what changed when")
 
 def run(options: Options, progress: Progress) -> Answer:
     """Diagnose each of a study's states against its baseline."""
-    from dovetail.modes_history import diagnose_history, history_dict, history_lines
-    from dovetail.modes_pipeline import by_modes
+    from dovetail.modes_history import diagnose_history
 
     study = loaded(options)
-    study = by_modes(study)
     history = diagnose_history(study, progress)
     if options.picture is not None:
         from viz.history import plot_history
         from viz.style import save
 
-        assert study.baseline is not None
-        changes = [[(_place(e), s.probability) for e in s.diagnosis.found] for s in history]
+        changes = [[(_place(e), s.probability) for e in s.diagnosis.found] for s in history.states]
         figure = plot_history(
-            [s.name for s in history],
-            study.baseline.modes.frequency,
-            [s.shift for s in history],
-            [s.std for s in history],
+            [s.name for s in history.states],
+            history.baseline,
+            [s.shift for s in history.states],
+            [s.std for s in history.states],
             changes,
         )
         with replacing(options.picture) as scratch:
             save(figure, scratch)
-    printed = [*history_lines(study, history), *noted(study.measured_notes)]
-    return Answer(study, printed, history_dict(study, history))
+    printed = [*history.printed(), *noted(study.measured_notes)]
+    return Answer(study, printed, history.as_dict())
 
 
 def _place(effect: Effect) -> str:

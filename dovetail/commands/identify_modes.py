@@ -15,7 +15,6 @@ from dovetail.update import identify_study
 from fem.io import UFF_SUFFIXES, write_npz
 from fem.io.atomic import replacing
 from updating.measurement.measurement import motions_of
-from updating.modal.peaks import peak_words
 
 EXAMPLE = "dovetail identify-modes study.toml --picture stabilisation.png --out modes.uff"
 
@@ -65,8 +64,8 @@ def run(options: Options, progress: Progress) -> Answer:
     progress("identifying modes")
     asked = {"least_mpc": options.least_mpc, "largest_mpd": options.largest_mpd}
     limits = replace(study.shape_limits, **{key: value for key, value in asked.items() if value is not None})
-    found, data, warnings = identify_study(study, options.measurement, options.band, limits)
-    roving = not {s.name for s in data.sensors} <= {s.name for s in study.sensors}
+    one = identify_study(study, options.measurement, options.band, limits)
+    found, data, warnings, roving = one.found, one.measurement, one.warnings, one.is_roving
     if options.out is not None and suffix == ".npz":
         write_npz(options.out, found.modes, std_of(found))
     elif options.out is not None:
@@ -92,23 +91,11 @@ def run(options: Options, progress: Progress) -> Answer:
             draw = plot_stabilisation if kind == "stabilisation" else plot_synthesis
             with replacing(path) as scratch:
                 save(draw(data.frf, found), scratch)
-    rejected = sum(not c.accepted for c in found.candidates)
     table = table_of_modes(found, mpc=found.mpc, mpd_deg=found.mpd)
     return Answer(
         study,
         [
-            f"{study.name}: {found.modes.n_modes} mode(s) identified from {data.name}; {rejected} other "
-            "pole(s) were tried and rejected",
-            *(
-                [
-                    f"shapes are of the {len(data.sensors)} places of forces, which are more than those of "
-                    "responses (reciprocity: H_jk = H_kj)"
-                ]
-                if roving
-                else []
-            ),
-            found.table(),
-            *(f"warning: {text}" for text in warnings if text not in peak_words(found.unexplained)),
+            *one.printed(),
             *noted(study.measured_notes),
         ],
         {

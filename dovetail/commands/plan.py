@@ -8,6 +8,7 @@ from dovetail.commands.argument_types import count, positive, share
 from dovetail.commands.common import Options, loaded
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress, write_json
+from dovetail.file.config import BEFORE_TEST
 
 if TYPE_CHECKING:
     from dovetail.file.contents import StudyContents
@@ -82,6 +83,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> Answer:
     """Return which relevant effects a test sees and names."""
+    from dovetail.notebook.planned import Planned
     from dovetail.plan import (
         plan_study,
         require_planned,
@@ -91,7 +93,7 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail.report import planning
     from updating.plan.plan import with_averages
 
-    study = loaded(options)
+    study = loaded(options, BEFORE_TEST)
     if options.check or options.separate:
         require_planned(study, options.noise, options.left)
     test = options.add, options.choose, options.excitations
@@ -107,17 +109,8 @@ def run(options: Options, progress: Progress) -> Answer:
         progress("drawing", 0.99)
         render_plan(plan, options.picture, study.name)
         drawn = drawn_kinds(plan)
-    kinds = planning.table_of_kinds(planning.kind_rows(plan))
-    fields, printed = planning.plan_dict(plan), planning.chosen_lines(chosen) if chosen else []
-    printed += [f"{study.name}: {planning.title(plan)}", *planning.missing_first(plan, study.path)]
-    printed += [planning.headline(plan), "", kinds]
-    for title, some in (
-        ("seen, but not distinguished:", planning.twin_lines(plan)),
-        ("not seen in relevant size:", planning.blind_lines(plan)),
-    ):
-        printed += ["", title, *(f"  {line}" for line in some)] if some else []
-    if not chosen and not plan.is_measured:
-        printed += ["", "--add 1 says where one more sensor would name most"]
+    fields = planning.plan_dict(plan)
+    printed = Planned(plan, chosen, study.name, study.path).printed()
     if chosen:
         fields["chosen"] = planning.chosen_dict(chosen)
     if len(drawn) < len(plan.kinds):

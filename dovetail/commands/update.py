@@ -7,7 +7,7 @@ from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_pool, add_report_folder, integer_up_to, natural
 from dovetail.commands.common import Options, check_places, loaded, noted
 from dovetail.commands.stepping import step_progress
-from dovetail.commands.update_report import errors_before_and_after, write_update_report
+from dovetail.commands.update_report import write_update_report
 from dovetail.disk.output import Output, OutputError, Progress, result_folder, write_json
 from dovetail.ensemble.bootstrap import JOURNAL, LEAST, Bootstrap, as_dict, lines_of, run_bootstrap
 from dovetail.report.table import Column, Table, columns_of, write_csv
@@ -79,9 +79,7 @@ def run(options: Options, progress: Progress) -> Answer:
     return Answer(
         None,  # JSON is update.json
         [
-            f"{study.name}: updated to {' and '.join(result.to)}; {u.ending.value[0]}",
-            u.table(),
-            *errors_before_and_after(result),
+            *result.printed(),
             *_sampled(u),
             *(lines_of(refits) if refits is not None else ()),
             *noted(result.notes, unsaid, study.measured_notes),

@@ -8,26 +8,12 @@ import numpy as np
 from dovetail.ensemble.bootstrap import Bootstrap, sentences
 from dovetail.report.blocks import Group, Items, Picture, Report, ReportSection, TableBlock, Text
 from dovetail.result import PICTURES, REPORT, parameter_in_words
-from dovetail.update import StudyUpdate
+from dovetail.update import StudyUpdate, errors_before_and_after
 from fem.model import Model
 
 if TYPE_CHECKING:
     from updating.correlation.pairing import ModeComparison
     from updating.inference.updated import UpdatedParameter
-
-
-def errors_before_and_after(result: StudyUpdate) -> list[str]:
-    """Return the errors at the start and at the end, in sentences."""
-    first, last = result.updated.path[0].errors, result.updated.path[-1].errors
-    out = []
-    for label, a, b in (
-        ("natural frequencies, rms [%]", 100 * first.frequency, 100 * last.frequency),
-        ("MAC, mean", first.mac, last.mac),
-        ("FRFs, rms [dB]", first.frf_db, last.frf_db),
-    ):
-        if np.isfinite(a) and np.isfinite(b):
-            out.append(f"{label}: {a:.3g} before, {b:.3g} after")
-    return out
 
 
 def write_update_report(

@@ -73,7 +73,14 @@ from dovetail.file.settings import (
     with_stated_form,
 )
 from dovetail.file.suspicions import LazyComparison, mode_suspicions, suspicions
-from dovetail.file.table import MissingKeyError, Source, StudyError, StudyTable, with_unknown_keys
+from dovetail.file.table import (
+    AwaitedFileError,
+    MissingKeyError,
+    Source,
+    StudyError,
+    StudyTable,
+    with_unknown_keys,
+)
 from dovetail.file.uncertain import mode_std, read_uncertain, with_shear
 from fem.analysis.frf import WITHOUT_PHASE
 from fem.analysis.unbalance import Unbalance
@@ -95,8 +102,10 @@ from updating.measurement.channel_errors import USUAL, ChannelErrors
 from updating.measurement.measurement import Measurement, Sensor, with_moving_base, with_sensor_masses
 from updating.quality.corrections import Fault
 
-NEEDS = ("sensors", "measurements")
+BEFORE_TEST = ("sensors", "measurements")
 """Parts of a study besides the model: sensors with excitations, and measurements at them."""
+NEEDS = (*BEFORE_TEST, "files")
+"""The same, and that all files of measured data exist, as what compares with them needs it."""
 
 TABLES = (
     "study",
@@ -156,7 +165,7 @@ def load_study(path: str | os.PathLike[str], needs: Collection[str] = NEEDS) -> 
         A TOML file; see docs/study-file.md. Other files are looked for beside it.
     needs : collection of str
         Parts besides the model that must be right, some of ``NEEDS``. Anything else that cannot be read is
-        left out, which ``Study.warnings`` says.
+        left out, which ``Study.warnings`` says; without ``"files"`` also measured data that do not exist yet.
 
     Raises
     ------
@@ -340,6 +349,7 @@ class _Reader:
     needs: Collection[str]
     warnings: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
+    awaited: dict[str, str] = field(default_factory=dict)
     measured_notes: list[str] = field(default_factory=list)
     channel_errors: ChannelErrors = USUAL
     explaining: bool = False
@@ -361,13 +371,18 @@ class _Reader:
         try:
             yield
         except (ValueError, OSError) as reason:
-            if part in self.needs:
+            missing = isinstance(reason, AwaitedFileError) and (part == "measurements" or self.awaited)
+            awaited = missing or "sensors" in self.awaited  # other tables name those without a place
+            if part in self.needs and not (awaited and "files" not in self.needs):
                 raise
             if isinstance(reason, MissingKeyError):
                 reason = self.explained(reason, (part,))
             place = f"{reason.filename}: {reason.strerror}" if isinstance(reason, OSError) else str(reason)
             self.left_out.append(" ".join(place.split()))
-            self.warnings.append(f"left out, because this command does not need it: {self.left_out[-1]}")
+            if awaited:
+                self.awaited.setdefault(part, self.left_out[-1])
+            why = "until the measured data exist" if awaited else "because this command does not need it"
+            self.warnings.append(f"left out, {why}: {self.left_out[-1]}")
 
     @contextmanager
     def _if_all_was_read(self) -> Iterator[None]:
@@ -464,6 +479,7 @@ class _Reader:
             warnings=tuple(dict.fromkeys([*odd, *self.warnings])),
             implausible=odd,
             left_out=tuple(dict.fromkeys(self.left_out)),
+            awaited=tuple(self.awaited.values()),
             shape_limits=read_shape_limits(top),
             chosen_sizes=chosen,
             labels={
@@ -527,7 +543,7 @@ class _Reader:
             t.finish()
             if len(raw) != 1 or not raw[0].phase:
                 t.refuse("measurements", f"{len(raw)} matrices of FRFs are given; one with phases is needed")
-            later = measured or "modes" in self.top or "states" in self.top
+            later = any(key in self.top for key in ("measurements", "modes", "states"))
             if not later:
                 t.refuse(
                     "measurements",

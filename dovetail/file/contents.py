@@ -114,8 +114,10 @@ class StudyContents:
         Probable faults of the study and its files, and parts left unread, in sentences.
     left_out : tuple of str
         Errors of parts that were left unread.
+    awaited : tuple of str
+        Those of them that are of measured data whose files do not exist.
     implausible : tuple of str
-        Those of them that are about values of the model, with file, line and key.
+        Those of the warnings that are about values of the model, with file, line and key.
     shape_limits : ShapeLimits
         How complex the shapes of modes identified in FRFs may be.
     chosen_sizes : mapping of str to float
@@ -166,6 +168,7 @@ class StudyContents:
     update_plan: UpdatePlan = UpdatePlan()  # noqa: RUF009 - frozen
     warnings: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    awaited: tuple[str, ...] = ()
     implausible: tuple[str, ...] = ()
     shape_limits: ShapeLimits = ShapeLimits()  # noqa: RUF009 - frozen
     chosen_sizes: Mapping[str, float] = field(default_factory=dict)
@@ -202,6 +205,8 @@ class StudyContents:
     @property
     def lack_of_frfs(self) -> str:
         """Why it has no FRFs, in words after "it has"."""
+        if self.awaited:
+            return f"no measured data yet ({self.awaited[0]})"
         names = ", ".join(m.name for m in self.amplitudes)
         return f"in {names} {WITHOUT_PHASE}" if names else "no [[measurements]]"
 
@@ -213,7 +218,8 @@ class StudyContents:
         """Raise a :class:`StudyError` if the study has no sensors or no excitations."""
         for part in ("sensors", "excitations"):
             if not getattr(self, part):
-                msg = f"{self.path}: it has no [[{part}]]; a test has both sensors and excitations"
+                awaited = f" ({self.awaited[-1]})" if self.awaited else ""
+                msg = f"{self.path}: it has no [[{part}]]{awaited}; a test has both sensors and excitations"
                 raise StudyError(msg)
 
 

@@ -423,7 +423,8 @@ def _files(t: StudyTable, folder: Path) -> list[str]:
     if not names or not all(isinstance(name, str) and name.strip() for name in names):
         t.refuse("file", f"{value!r} is not allowed; a file name, or a list of file names, is needed")
     for name in names:
-        _existing(t, "file", folder, name)
+        if not (folder / name).is_file():
+            t.refuse_awaited("file", no_file(folder / name))
     return names
 
 

@@ -220,7 +220,7 @@ def _raw_modes_of(
         t.refuse("zeta", "damping ratios stand in the file; give them with frequency")
     path = folder / file
     if not path.is_file():
-        t.refuse("file", no_file(path))
+        t.refuse_awaited("file", no_file(path))
     nodes: dict[int, np.ndarray] = {}
     std: dict[str, np.ndarray] = {}
     with t.at("file"):

@@ -349,7 +349,7 @@ class ChannelReader:
             if node not in nodes:
                 none = "have no coordinates of nodes (dataset 15 or 2411)"
                 known = f"have {len(nodes)} nodes" if nodes else none
-                t.refuse(
+                (t.refuse if nodes else t.refuse_awaited)(
                     "node",
                     f"there is no node {node} in the measured files, which {known}; give point, or "
                     "member and position",

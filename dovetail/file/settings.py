@@ -28,8 +28,8 @@ SHARES = {"mass": ("A",), "bending": ("Iy", "Iz"), "torsion": ("J",), "shear": (
 MOST_SHARE = 0.5
 """Largest relative standard deviation of these [-]."""
 
-N_BANDS = 8
-"""Equal bands in which FRFs are compared, unless the caller says otherwise."""
+N_BANDS, N_MAP_BANDS = 6, 8
+"""Equal bands in which FRFs are compared: in tables, unless the caller says otherwise, and in pictures."""
 
 
 def read_model_error(fit: StudyTable) -> float:

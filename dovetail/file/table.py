@@ -34,6 +34,10 @@ class StudyFileError(OSError, StudyError):  # OSError.__new__ sets errno and fil
         return f"{self.filename}: {self.strerror}"
 
 
+class AwaitedFileError(StudyError):
+    """A file with measured data that does not exist, or data of which one is a part."""
+
+
 class MissingKeyError(StudyError):
     """A key that a table must have and has not.
 
@@ -113,6 +117,10 @@ class StudyTable:
     def refuse(self, key: str, text: str) -> NoReturn:
         """Raise an error at a key, or at the table for an empty key."""
         raise self.error(key, text)
+
+    def refuse_awaited(self, key: str, text: str) -> NoReturn:
+        """Raise an error at a key for measured data that do not exist yet."""
+        raise AwaitedFileError(str(self.error(key, text)))
 
     @contextmanager
     def at(self, key: str = "") -> Iterator[None]:

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.notebook.html import inner, number, table
+from dovetail.report.html import inner, number, table
+from dovetail.report.printed import Printed
+from dovetail.report.table import Column, Table, columns_of_bands
 from dovetail.result import bands_of_lines, least_frac
 from fem.analysis.frf import FRF, imported
 from fem.summary import summary
@@ -59,7 +61,7 @@ class Misfit:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class StudyComparison(correlation.Comparison):
+class StudyComparison(Printed, correlation.Comparison):
     """How far a study's FRFs are from the measured ones, with both.
 
     Attributes
@@ -99,6 +101,17 @@ class StudyComparison(correlation.Comparison):
             held_out=bands_of_lines(data.frequency, data.held_out),
             misfit=errors,
         )
+
+    def printed(self) -> list[str | Table]:
+        """Return the errors, and a table of sensors and bands, as ``dovetail compare`` prints them."""
+        e = self.misfit
+        held_out = f"{e.held_out_db:.2f}" if np.isfinite(e.held_out_db) else "-"
+        return [
+            f"{self.name}, {self.label}: error of the amplitude {e.fit_db:.2f} dB on the lines of the fit, "
+            f"{held_out} on those held out and {e.all_db:.2f} on all; noise of the measurement "
+            f"{e.noise_db:.2f} dB",
+            table_of_errors(self),
+        ]
 
     def worst_pairs(self, n: int = 4) -> tuple[tuple[str, str], ...]:
         """Return the pairs of output and input with the largest errors, the largest first."""
@@ -205,3 +218,17 @@ class StudyComparison(correlation.Comparison):
         shown = f'<img alt="{escape(words)}" {look} src="data:image/png;base64,{picture}">'
         style = 'style="display:flex;flex-wrap:wrap;align-items:flex-start;gap:2em"'
         return f"<p>{escape(inner(self.misfit))}</p><div {style}>{head}{shown}</div>"
+
+
+def table_of_errors(c: correlation.Comparison) -> Table:
+    """Return the error of each sensor over all lines and in each band, or of each place of a roving force."""
+    words = "sensor", "sensors"
+    if c.moving_forces:
+        c, words = c.transposed(), ("excitation", "excitations")
+    return Table.of(
+        words[1],
+        Column(words[0], c.outputs),
+        Column("all lines", c.by_sensor(), "dB", ".2f", head="all dB"),
+        *columns_of_bands(c.bands, c.by_band()),
+        Column("least FRAC", least_frac(c), show=".3f"),
+    )

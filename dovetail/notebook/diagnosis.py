@@ -6,9 +6,9 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-from dovetail.notebook.html import table
 from dovetail.report import words
 from dovetail.report.found_lines import found_lines
+from dovetail.report.html import table
 from dovetail.report.sections import explanations, measured_modes, rounds, staircase
 from fem.analysis.frf import imported
 from updating.diagnosis import diagnose, mode_diagnosis

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.notebook.html import number, table
+from dovetail.report.printed import Printed
+from dovetail.report.table import Column, Table
 from fem.summary import counted, summary
 from updating.diagnosis.mode_table import frequency_error
 from updating.inference.fit_result import FitResult
@@ -14,7 +15,7 @@ from updating.inference.mode_fit import ModeProblem
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class StudyModeComparison:
+class StudyModeComparison(Printed):
     """How far a study's modes are from the measured ones, (n,) each; NaN where there is none.
 
     Attributes
@@ -31,6 +32,8 @@ class StudyModeComparison:
         Modal assurance criteria, where there are shapes [-].
     held_out : ndarray of bool
         Modes that no fit sees.
+    noise_level : float
+        Standard deviation of the measured frequencies [-].
     """
 
     name: str
@@ -42,6 +45,7 @@ class StudyModeComparison:
     zeta_computed: NDArray[np.float64]
     mac: NDArray[np.float64]
     held_out: NDArray[np.bool_]
+    noise_level: float
 
     @classmethod
     def of(
@@ -59,6 +63,7 @@ class StudyModeComparison:
             computed.zeta,
             computed.mac,
             t.held_out,
+            t.noise_level,
         )
 
     @property
@@ -70,6 +75,36 @@ class StudyModeComparison:
     def held_out_error(self) -> float:
         """The same of the modes that are held out from fits, NaN without any [-]."""
         return frequency_error(self.measured, self.computed, self.held_out)
+
+    @property
+    def table(self) -> Table:
+        """Measured and computed modes."""
+        file = ("file",)
+        return Table.of(
+            "modes",
+            Column("measured", self.measured, "Hz"),
+            Column("computed", self.computed, "Hz"),
+            Column("off by", self.computed / self.measured - 1, "%", "+.3f", 100),
+            Column("std", self.std, "%", ".2g", 100),
+            Column("MAC", self.mac, show=".3f"),
+            Column("measured zeta", self.zeta, "%", scale=100, places=file),
+            Column("computed zeta", self.zeta_computed, "%", scale=100, places=file),
+            Column("held out", self.held_out, places=file),
+            Column("", ["predicted, not fitted" * bool(one) for one in self.held_out], places=("text",)),
+        )
+
+    def printed(self) -> list[str | Table]:
+        """Return the errors, and a table of the modes, as ``dovetail compare`` prints them."""
+        held_out = self.held_out_error
+        predicted = f", {100 * held_out:.2g} % of those held out" if np.isfinite(held_out) else ""
+        error = f"error of the natural frequencies {100 * self.error:.2g} %"
+        if not np.isfinite(self.error):
+            error = "no measured mode has a partner in the model"
+        return [
+            f"{self.name}, {self.label}: {error}{predicted}; standard deviation of the measurement "
+            f"{100 * self.noise_level:.2g} %",
+            self.table,
+        ]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the columns in plain types, mode by mode."""
@@ -89,11 +124,3 @@ class StudyModeComparison:
         held_out = f", {100 * self.held_out_error:.2g} % held out" if self.held_out.any() else ""
         n = counted(len(self.measured), "mode")
         return summary(self, f"{self.name}, {self.label}: {n}, {100 * self.error:.2g} % off{held_out}")
-
-    def _repr_html_(self) -> str:
-        """Return measured and computed frequencies."""
-        off = 100 * (self.computed / self.measured - 1)
-        columns = (self.measured, self.computed, off, 100 * self.std, self.mac)
-        rows = [[number(x) for x in row] for row in zip(*columns, strict=True)]
-        head = ("measured [Hz]", "computed [Hz]", "off by [%]", "std [%]", "MAC")
-        return table(head, rows, f"{self.name}, {self.label}")

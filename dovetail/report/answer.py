@@ -40,8 +40,11 @@ def _structure(result: RunResult[Verdict], shown: Shown) -> Plot:
     caption = "The model with sections"
     if result.comparisons:
         caption = "Sensors in the colours of their error once the uncertain parameters are fitted"
-    caption += "; rings mark what was found" if found else ""
-    if {e.name for x in d.credible for e in x.effects} - {e.name for e in d.found}:
+    images = " and its mirror images" if len(d.images) > 1 else " and its mirror image" if d.images else ""
+    caption += f"; rings mark what was found{images}" if found else ""
+    if {e.name for x in d.credible for e in x.effects} - {
+        e.name for e in (*d.found, *(e for x in d.images for e in x.effects))
+    }:
         caption += "; diamonds mark the places of other explanations"
     caption += ". A click on a sensor shows its FRFs below." if result.comparisons else "."
     return shown.figure("model", f"{alt}.", caption, ["structure"], hint=TURN)

@@ -132,8 +132,10 @@ def marked_places(result: RunResult[Verdict]) -> list[MarkedPlace]:
             if not here or role != "candidate" or here[0][2] == role:
                 here.append((where, label, role))
 
-    for effect in d.found:
-        label = f"{effect.kind.replace('_', ' ')}\n{words.place(effect.where.thing)}"
+    images = [e for x in d.images for e in x.effects]
+    for effect in (*d.found, *images):
+        kind = "or " * (effect in images) + effect.kind.replace("_", " ")
+        label = f"{kind}\n{words.place(effect.where.thing)}"
         mark(effect.locations(model)[:6], effect.where, label, "finding")
     for differs in d.departures:
         label = words.departure_label(differs)

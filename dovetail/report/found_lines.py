@@ -18,6 +18,7 @@ def found_lines(d: Verdict) -> list[str]:
         out += [f"    {words.extension_text(f, t)}" for t in f.extensions]
         if k < len(d.rounds) and (equal := words.equal_fit_text(d, f, d.rounds[k])):
             out.append(f"    {equal}")
+    out += [f"    {text}" for text in (words.images_text(d),) if text]
     out += [f"  {text}" for text in (probability_text(d),) if text]
     out += [f"    {text}" for text in (probability_details(d),) if text]
     out += [f"  {text}" for text in (words.far_text(uncertain_parameters(d)),) if text]

@@ -43,10 +43,16 @@ def probability_text(d: Verdict) -> str:
         return f"Probability of a cause that the library does not have: {outside}"
     if not d.found:
         return f"Probability among all hypotheses: {percent(exact)}"
-    kinds = [set(with_extensions(e, d.candidates)) for e in d.found]
-    every = sum(float(p) for known, p in d.posterior if all(some & set(known) for some in kinds))
+    answers = [d.found, *(x.effects for x in d.images)]
+    every = sum(float(p) for known, p in d.posterior if any(_has_all(d, known, a) for a in answers))
     which = "this effect" if len(d.found) == 1 else "these effects"
+    which += " or of a mirror image" * bool(d.images)
     return f"Probability of {which}, alone or with others: {percent(every)}"
+
+
+def _has_all(d: Verdict, known: Collection[str], effects: Iterable[Effect]) -> bool:
+    """Whether a hypothesis has all of these effects, or what does the same and more."""
+    return all(set(with_extensions(e, d.candidates)) & set(known) for e in effects)
 
 
 def probability_details(d: Verdict) -> str:

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -163,6 +164,15 @@ def columns_of(
 ) -> list[Column]:
     """Return a column for each of the columns of ``values`` (n_rows, n)."""
     return [Column(n, v, unit, show, **more) for n, v in zip(names, np.transpose(values), strict=True)]
+
+
+def columns_of_bands(bands: np.ndarray, errors_db: np.ndarray) -> list[Column]:
+    """Return a column for each band [Hz], of the errors (n_rows, n_bands) [dB]."""
+    names = [f"{a:.4g}-{b:.4g}" for a, b in pairwise(bands)]
+    return [
+        Column(f"{name} Hz", errors, "dB", ".2f", head=name)
+        for name, errors in zip(names, errors_db.T, strict=True)
+    ]
 
 
 def write_csv(path: Path, table: Table) -> None:

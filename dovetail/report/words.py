@@ -382,6 +382,8 @@ def headline(d: Verdict) -> str:
         return f"{what}. These data leave open which of {len(d.credible)} explanations is right."
     if d.verdict == EFFECT:
         text = _since(sentences(d.findings), change)
+        if d.images:
+            text = f"{text.removesuffix('.')}, {images_text(d)}."
         if by_frfs(d) and d.steps[-1].level > d.limit:
             text += " That explains the misfit only in part."
         return f"{text} In addition, {faults}." if faults else text
@@ -400,6 +402,16 @@ def headline(d: Verdict) -> str:
         text = "The model does not fit the data, and no effect known to the program explains why."
         return f"{text} The measurement has been corrected: {faults}." if faults else text
     return d.verdict
+
+
+def images_text(d: Verdict) -> str:
+    """Return the mirror images of what was found, and what tells them apart; empty without any."""
+    if not d.images:
+        return ""
+    labelled = " or ".join(" and ".join(effect_label(e.kind, e.where) for e in x.effects) for x in d.images)
+    image = "its mirror image" if len(d.images) == 1 else f"one of its {len(d.images)} mirror images"
+    tells = f". One sensor would: {d.next_measurements[0]}" if d.next_measurements else ""
+    return f"or {image}, {labelled}: these data cannot tell which{tells}"
 
 
 def is_open(d: Verdict) -> bool:

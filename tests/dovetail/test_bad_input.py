@@ -323,6 +323,39 @@ def test_missing_files(tmp_path, capsys):
     fails(tmp_path, capsys, "# nothing\n", "there is no structure")
 
 
+def test_study_is_planned_before_its_measured_files_exist(tmp_path, capsys):
+    path = study_file(tmp_path, GOOD + FILE)
+    study = load_study(path)
+    assert study.solve_modes(2).n_modes == 2
+    planned = study.plan(kinds="point_mass")
+    without_file = load_study(study_file(tmp_path, GOOD))
+    assert planned.coverage() == without_file.plan(kinds="point_mass").coverage() > 0
+    study_file(tmp_path, GOOD + FILE)
+    for needs_data in (study.compare, study.fit, study.diagnose):
+        with pytest.raises(StudyError, match=r"no measured data yet .*measurements\[1\].*'m.npz'.*; "):
+            needs_data()
+    assert main(["plan", str(path)]) == 0
+    assert "left out, until the measured data exist: study.toml, line" in capsys.readouterr().err
+    assert main(["compare", str(path)]) == 2
+    assert capsys.readouterr().err.startswith("dovetail: study.toml, line")
+    (tmp_path / "m.npz").write_text("nothing that can be read")
+    with pytest.raises(StudyError, match=r"m\.npz"):
+        load_study(path)
+
+
+def test_sensors_at_nodes_of_a_measured_file_wait_for_it(tmp_path):
+    at_nodes = '[[sensors]]\nnode = 7\nname = "seven"\ndirection = "z"\n[[excitations]]\nsensor = "seven"\n'
+    structure = GOOD[: GOOD.index("[[sensors]]")]
+    file = '[[measurements]]\nfile = "test.uff"\n'
+    study = load_study(study_file(tmp_path, structure + at_nodes + file))
+    assert not study.sensors
+    with pytest.raises(StudyError, match=r"\[\[sensors\]\] \(.*no node 7"):
+        study.frf()
+    assert len(study.plan(choose=2, excitations=1, kinds="point_mass").chosen.sensors) == 2
+    with pytest.raises(StudyError, match="no node 7 in the measured files"):
+        load_study(study_file(tmp_path, structure + at_nodes))
+
+
 def test_mechanisms(tmp_path, capsys):
     two = GOOD + '[members.apart]\nfrom = [0, 5, 0]\nto = [1, 5, 0]\nsection = {shape = "circle", d = 0.01}\n'
     fails(tmp_path, capsys, two, "2 parts that nothing connects", "apart", command=("modes",))

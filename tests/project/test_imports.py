@@ -22,8 +22,8 @@ MAY_IMPORT = {
     "--help": "",
     "modes": """
         dovetail.commands dovetail.disk dovetail.file dovetail.study
-        dovetail.notebook dovetail.notebook.html dovetail.notebook.responses
-        dovetail.report dovetail.report.office dovetail.report.table
+        dovetail.notebook dovetail.notebook.responses
+        dovetail.report dovetail.report.html dovetail.report.office dovetail.report.table
         updating updating.correlation updating.inference updating.measurement updating.quality
         fem.analysis fem.array_types fem.chains fem.checks fem.connection_damping fem.declarations
         fem.directions fem.effects fem.elements fem.ground fem.io fem.laws fem.lengths fem.linalg
@@ -32,8 +32,9 @@ MAY_IMPORT = {
         numpy scipy scipy.linalg scipy.sparse threadpoolctl
         """,
     "static": "",
-    "check": "",
+    "check": "dovetail.notebook.faults dovetail.report.printed",
     "compare": """
+        dovetail.notebook.comparison
         dovetail.found dovetail.frf_modes dovetail.modes_pipeline dovetail.pipeline dovetail.result
         dovetail.report.probable dovetail.report.words
         updating.diagnosis updating.forecast updating.least_squares updating.modal updating.plan

@@ -17,6 +17,7 @@ from updating.diagnosis.evidence.diagnosis import Searched, search_promised, sea
 from updating.diagnosis.evidence.hypothesis import ScoredFit
 from updating.diagnosis.evidence.search import Search
 from updating.diagnosis.findings import Finding, labels, parameters_of
+from updating.diagnosis.images import images_of
 from updating.diagnosis.mode_separation import next_measurements
 from updating.diagnosis.mode_table import HALF, ModeTable
 from updating.diagnosis.verdict import (
@@ -273,12 +274,14 @@ def concluded(done: Searched[ModeProblem]) -> ModeDiagnosis:
     verdict = verdict_of(done)
     nothing, final = search.known[frozenset()], _reported(done)
     found = best.effects if verdict in (EFFECT, UNFINISHED) else ()
-    bad = _bad_readings(done, problem)
+    bad, every = _bad_readings(done, problem), explanations_of(done)
+    images = images_of(done, final) if found else ()
     out = ModeDiagnosis(
         verdict=verdict,
         reason="",
         findings=tuple(Finding(e, parameters_of(e, final.fitted), ()) for e in found),
-        explanations=explanations_of(done),
+        explanations=every,
+        images=tuple(x for x in every if any(x.effects is h.effects for h in images)),
         posterior=posterior_of(done),
         candidates=search.candidates,
         modes=_table(problem, nothing, final, bad),
@@ -299,9 +302,11 @@ def _reported(done: Searched[ModeProblem]) -> ScoredFit:
 
 
 def _next(d: ModeDiagnosis) -> tuple[str, ...]:
-    """Return what would tell the first two explanations of the credible set apart."""
+    """Return what would tell the answer from its image, or the first two of the credible set apart."""
     n = min(2, sum(e.known for e in d.credible))
     likely = sorted(d.searched.weighed, key=lambda h: -h.score)[:n]
+    if d.images:
+        likely = [h for x in (d.reported, d.images[0]) for h in d.searched.weighed if h.effects is x.effects]
     models = [fitted_model(d.searched.model, h.fitted) for h in likely]
     t = d.problem.targets
     return next_measurements(d.searched.model, models, t.n, float(t.frequency[-1]))
@@ -355,7 +360,12 @@ def _reason(d: ModeDiagnosis) -> str:
         _lead_error(d),
         f" ({', '.join(others)})" * bool(others),
     )
-    n, shared = len(d.credible), f"{len(d.credible)} explanations share {CREDIBLE:.0%}".replace("%", " %")
+    if d.images:
+        labelled = " or ".join(labels(e.effects) for e in d.images)
+        image = "mirror image" if len(d.images) == 1 else "mirror images"
+        text += f", as does its {image}, {labelled}: these data cannot tell which is there"
+    n = len([e for e in d.credible if e not in d.images])
+    shared = f"{len(d.credible)} explanations share {CREDIBLE:.0%}".replace("%", " %")
     if d.verdict == EFFECT and not d.sure:
         none = ", none is sure" if d.explanations[0].probability < HALF else ""
         which = "first" if d.reported is d.explanations[0] else "simplest that is nearly as probable"

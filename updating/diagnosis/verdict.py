@@ -153,6 +153,8 @@ class Verdict:
         From the nominal model over fitted nuisances to each added effect; none of a diagnosis by modes alone.
     rounds : tuple of tuple of Ranked
         For each round of the forward selection, the candidates that were fitted, best first.
+    images : tuple of Explanation
+        Mirror images of the reported explanation: no natural frequency tells them from it.
     departures : tuple of Departure
         Sections and connections whose form is outside its usual range.
     """
@@ -177,6 +179,7 @@ class Verdict:
     next_measurements: tuple[str, ...] = ()
     steps: tuple[Step, ...] = ()
     rounds: tuple[tuple[Ranked, ...], ...] = ()
+    images: tuple[Explanation, ...] = ()
     departures: tuple[Departure, ...] = ()
 
     def __repr__(self) -> str:
@@ -228,8 +231,8 @@ class Verdict:
 
     @property
     def sure(self) -> bool:
-        """Whether the explanation of the verdict is more probable than all others together."""
-        return self.reported.probability >= HALF
+        """Whether the explanation of the verdict, or an image, is more probable than all others together."""
+        return self.reported.probability + sum(e.probability for e in self.images) >= HALF
 
     @property
     def credible(self) -> tuple[Explanation, ...]:
