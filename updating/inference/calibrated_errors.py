@@ -86,5 +86,5 @@ class CalibratedErrors(FormScatter):
 
     def moved(self, values: Floats) -> Floats:
         """Return the errors of ln θ or θ at values, (n,)."""
-        ratio = np.where(self.log, values / self.values, 1.0)
-        return np.where(self.log, np.log(np.maximum(ratio, 1e-300)), values - self.values)
+        ratio = np.divide(values, self.values, out=np.ones(len(values)), where=self.log)
+        return np.where(self.log, np.log(ratio), values - self.values)
