@@ -1,4 +1,4 @@
-"""Several states of one structure: what has changed since the first one, state by state."""
+"""Several states of one structure: what has changed since the first one, or from state to state."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,6 +14,7 @@ from dovetail.report.table import Column, Table
 from dovetail.report.words import explanation_text
 from dovetail.result import diagnosis_dict
 from fem.array_types import Floats
+from fem.model import Effect
 from fem.summary import percent, summary
 from updating.diagnosis.mode_diagnosis import ModeDiagnosis
 from updating.diagnosis.states import partners
@@ -23,26 +24,32 @@ from updating.inference.mode_targets import ModeTargets
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StateChange:
-    """A state compared with the baseline.
+    """A state compared with the baseline or with another state before it.
 
     Attributes
     ----------
     name : str
+    since : str
+        The state before; empty for the baseline.
     shift, std : ndarray (n_modes,)
         ln(f / f of the baseline) of the baseline's modes and its standard deviation; NaN where the state
         lacks one [-].
     diagnosis : ModeDiagnosis
-        Of the change since the baseline.
+        Of the change since then.
+    has : tuple of Effect
+        Effects that the state has since the baseline, as far as they were found.
     """
 
     name: str
+    since: str
     shift: Floats
     std: Floats
     diagnosis: ModeDiagnosis
+    has: tuple[Effect, ...] = ()
 
     @property
     def answer(self) -> str:
-        """What has changed since the baseline, in words."""
+        """What has changed since the state before, in words."""
         d = self.diagnosis
         if d.verdict == EFFECT:
             return explanation_text(d.reported, d.model)
@@ -57,7 +64,7 @@ class StateChange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History(Printed):
-    """What has changed since the baseline in each of several states.
+    """What has changed in each of several states.
 
     Attributes
     ----------
@@ -81,12 +88,14 @@ class History(Printed):
         states = self.states
         sized = [s.shift[np.isfinite(s.shift)] for s in states]
         largest = [s[np.abs(s).argmax()] if s.size else None for s in sized]
+        row = any(s.since for s in states)
         table = Table.of(
             "states",
             Column("state", [s.name for s in states]),
             Column("largest shift", largest, "%", "+.2f", 100),
             Column("probability", [s.probability for s in states], show=percent),
-            Column("change since the baseline", [s.answer for s in states]),
+            *([Column("compared with", [s.since or "baseline" for s in states])] if row else []),
+            Column("change since then" if row else "change since the baseline", [s.answer for s in states]),
         )
         return [f"{self.name}: {len(states)} states after the baseline", "", table]
 
@@ -97,6 +106,7 @@ class History(Printed):
             "states": [
                 {
                     "name": s.name,
+                    "since": s.since or "baseline",
                     "shift": s.shift,
                     "shift_std": s.std,
                     "answer": s.answer,
@@ -118,7 +128,9 @@ def shifts(before: ModeTargets, after: ModeTargets) -> tuple[Floats, Floats]:
 
 
 def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) -> History:
-    """Find what has changed since the baseline in each of a study's states.
+    """Find what has changed in each of a study's states: since the baseline, or since an earlier state.
+
+    What was found in that one, it has: the change is looked for beside it, and its values are fitted anew.
 
     Raises
     ------
@@ -131,13 +143,22 @@ def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) ->
         missing = study.lack_of_frfs if study.awaited else missing
         msg = f"{study.path.name}: it has {missing}; a history needs a baseline and later states"
         raise StudyError(msg)
-    before, out = targets_of(study.baseline), list[StateChange]()
+    first, out = targets_of(study.baseline), dict[str, StateChange]()
+    modes, judged = {state.name: state.modes for state in study.states}, None
     for k, state in enumerate(study.states):
 
         def report(text: str, done: float, first: int = k, name: str = state.name) -> None:
             say(f"{name}: {text}", (first + done) / len(study.states))
 
-        judged = out[-1].diagnosis.judged if out else None
-        found = diagnose_study_modes(replace(study, modes=state.modes, measurements=()), report, judged)
-        out.append(StateChange(state.name, *shifts(before, targets_of(state.modes)), found))
-    return History(study.name, study.baseline.modes.frequency, tuple(out))
+        pair = replace(study, modes=state.modes, measurements=())
+        has: tuple[Effect, ...] = ()
+        if state.since:
+            has = out[state.since].has
+            pair = replace(pair, baseline=modes[state.since])
+        found = diagnose_study_modes(pair, report, None if state.since else judged, has)
+        judged = judged if state.since else found.judged
+        has = (*has, *found.found)
+        out[state.name] = StateChange(
+            state.name, state.since, *shifts(first, targets_of(state.modes)), found, has
+        )
+    return History(study.name, study.baseline.modes.frequency, tuple(out.values()))

@@ -1,6 +1,6 @@
 """Measured modes of a study as data of fits and of diagnoses, identified in its FRFs where need be."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -91,11 +91,15 @@ def targets_of(modes: MeasuredModes) -> ModeTargets:
 
 
 def diagnose_study_modes(
-    study: StudyContents, say: Progress | None = None, judged: Baseline | None = None
+    study: StudyContents,
+    say: Progress | None = None,
+    judged: Baseline | None = None,
+    known: Sequence[Effect] = (),
 ) -> ModeDiagnosis:
     """Diagnose by the measured modes of a study: what is missing, or what has changed since a baseline.
 
-    What the baseline says of the model is found out unless it is known from another state's diagnosis.
+    What the baseline says of the model is found out unless it is known from another state's diagnosis, or
+    which effects it has is ``known``.
     """
     study = by_modes(study)
     assert study.modes is not None
@@ -108,7 +112,7 @@ def diagnose_study_modes(
     }
     model, changes = first_state(study)
     if study.baseline is not None:
-        more |= {"baseline": judged or targets_of(study.baseline), "changes": changes}
+        more |= {"baseline": judged or targets_of(study.baseline), "changes": changes, "known": known}
     return diagnose_modes(model, targets_of(study.modes), study.nuisances, **more)
 
 

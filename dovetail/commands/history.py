@@ -1,4 +1,4 @@
-"""``dovetail history``: what has changed since the first of several states, state by state."""
+"""``dovetail history``: what has changed since the first of several states, or from state to state."""
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, loaded, noted
@@ -12,7 +12,7 @@ RESULTS = Results(picture="what changed when")
 
 
 def run(options: Options, progress: Progress) -> Answer:
-    """Diagnose each of a study's states against its baseline."""
+    """Diagnose each of a study's states against its baseline, or against the state that it names."""
     from dovetail.modes_history import diagnose_history
 
     study = loaded(options)

@@ -76,10 +76,19 @@ class MeasuredModes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModesState:
-    """The modes of one of several states of a structure, and its name."""
+    """The modes of one of several states of a structure.
+
+    Attributes
+    ----------
+    name : str
+    modes : MeasuredModes
+    since : str
+        Name of the earlier state that it is compared with; empty for the baseline.
+    """
 
     name: str
     modes: MeasuredModes
+    since: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,11 +190,16 @@ def read_states(
     """Read ``[[states]]``: the modes of later states, in their order; ``file_notes`` gains notes."""
     out: list[ModesState] = []
     for k, t in enumerate(top.tables("states"), 1):
-        name = t.text("name", f"state {k}")
+        name, earlier = t.text("name", f"state {k}"), [s.name for s in out]
+        if name in earlier:
+            t.refuse("name", f"two states have the name '{name}'; each needs its own")
+        since = t.text("since", "")
+        if since and since not in earlier:
+            t.refuse("since", f"there is no earlier state '{since}'; {suggest(since, earlier)}")
         modes = match_modes(_raw_modes_of(t, folder, file_notes, ()), test, file_notes)
         if modes is None:
             t.refuse("", "it has no modes; give file or frequency")
-        out.append(ModesState(name, modes))
+        out.append(ModesState(name, modes, since))
     return tuple(out)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.linalg as sla
@@ -131,6 +131,18 @@ def with_strong_damping(
     return quotient(y), y
 
 
+class ModesBesides(Protocol):
+    """Matrices on the columns of a basis as functions of parameters."""
+
+    def term(self, values: Floats) -> ReducedTerm:
+        """Return the matrices at values (n_par,)."""
+        ...
+
+    def slopes(self, values: Floats) -> list[tuple[int, ReducedTerm]]:
+        """Return their derivatives by parameters, with these."""
+        ...
+
+
 class ParametricModes:
     """Modes of a reduced model at some values of parameters.
 
@@ -145,8 +157,8 @@ class ParametricModes:
         Of the modes that are asked for [Hz].
     refs, candidates, release
         As of :class:`fem.reduction.parametric_frf.ParametricFRF`.
-    constant : ReducedTerm, optional
-        Matrices on the basis's columns that no parameter changes, besides those of the model.
+    besides : ModesBesides, optional
+        Matrices on the basis's columns besides those of the model.
     """
 
     def __init__(
@@ -157,9 +169,9 @@ class ParametricModes:
         refs: Sequence[ParameterRef] = (),
         candidates: Sequence[Effect] = (),
         release: Sequence[tuple[str, str]] = (),
-        constant: ReducedTerm | None = None,
+        besides: ModesBesides | None = None,
     ) -> None:
-        self._constant = constant
+        self._besides = besides
         self.engine = ParametricFRF(
             reduced, outputs, outputs[:, :0], frequency, refs, candidates, release, projected=True
         )
@@ -187,13 +199,14 @@ class ParametricModes:
         self._terms.put(values.tobytes(), alone)
         columns = np.eye(engine.reduced.basis.T.shape[1])[:, engine.active]
         at = ModesAt(engine.reduced, engine.omega, zeta, total, engine.outputs, columns)
-        return at if self._constant is None else at.with_term(self._constant)
+        return at if self._besides is None else at.with_term(self._besides.term(values))
 
     def slopes(self, values: Floats) -> list[tuple[int, ReducedTerm]]:
         """Return the derivatives of the matrices by parameters, with these."""
         values = np.asarray(values, dtype=float)
         alone = self._terms.get(values.tobytes(), lambda: self.engine.matrices(values)[1])
-        return self.engine.slopes(values, alone)
+        more = [] if self._besides is None else self._besides.slopes(values)
+        return [*self.engine.slopes(values, alone), *((i, self.engine.restrict(term)) for i, term in more)]
 
 
 class ModesAt:

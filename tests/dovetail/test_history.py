@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from dovetail import load_study, main
-from dovetail.modes_history import shifts
+from dovetail.modes_history import diagnose_history, history_lines, shifts
+from fem import AddedMass, assemble, first_modes
+from tests.frames import MAST
+from tests.studies import study_file
 from updating import ModeTargets
 from viz import plot_history
 
@@ -64,6 +67,8 @@ def test_the_picture_has_a_row_for_each_change_and_a_place_for_each_state():
         (("frequency = [1.0]\nfile = 'a.npz'",), "states[1]: give either file"),
         (("file = 'none.npz'",), "states[1].file: there is no file"),
         (("frequency = [1.0]\nwhen = 3",), "states[1].when: unknown key"),
+        (("frequency = [1.0]\nsince = 'May'",), "states[1].since: there is no earlier state 'May'"),
+        (("name = 'a'\nfrequency = [1.0]",) * 2, "states[2].name: two states have the name 'a'"),
     ],
 )
 def test_histories_that_cannot_be_made_are_refused(study, capsys, tables, words):
@@ -75,6 +80,39 @@ def test_histories_that_cannot_be_made_are_refused(study, capsys, tables, words)
 def test_a_study_without_a_baseline_has_no_history(root, capsys):
     assert main(["history", str(root / "examples" / "three-storeys" / "study.toml")]) == 2
     assert "it has no [baseline]; a history needs" in capsys.readouterr().err
+
+
+def test_of_states_in_a_row_each_change_is_told_once_when_it_came(tmp_path, capsys):
+    """Compared with the baseline the last state would have two."""
+    masses, rng = [(1.0, 0.1), (0.5, 0.1)], np.random.default_rng(1)
+    lines = f"""{MAST}
+[candidates]
+kinds = ["point_mass"]
+
+[fit]
+model_error = 0.0
+"""
+    true = load_study(study_file(tmp_path, lines)).model
+    points = [int(np.argmin(np.abs(true.mesh.points[:, 2] - z))) for z, _ in masses]
+
+    def state(n):
+        more = (
+            AddedMass(name=f"m{p}", point=p, mass=m) for p, (_, m) in zip(points[:n], masses, strict=False)
+        )
+        f = first_modes(assemble(true.with_effect(*more)), 8).frequency[:8]
+        return f"frequency = {(f * (1 + 2e-4 * rng.standard_normal(8))).tolist()}\nfrequency_std = 0.0002\n"
+
+    text = f"{lines}\n[baseline]\n{state(0)}"
+    for name, n, since in (("spring", 1, ""), ("summer", 1, "spring"), ("autumn", 2, "summer")):
+        text += f'\n[[states]]\nname = "{name}"\n{state(n)}' + f'since = "{since}"\n' * bool(since)
+    spring, summer, autumn = diagnose_history(load_study(study_file(tmp_path, text)), lambda text, done: None)
+    (tip,), (middle,) = spring.diagnosis.found, autumn.diagnosis.found
+    assert (tip.mass, middle.mass) == (pytest.approx(0.1, rel=0.05), pytest.approx(0.1, rel=0.05))
+    assert [np.ravel(m.locations(true))[2] for m in (tip, middle)] == pytest.approx([1.0, 0.5], abs=0.02)
+    assert summer.answer == "nothing"
+    assert [e.mass for e in autumn.has] == [tip.mass, middle.mass]
+    printed = str(history_lines(load_study(tmp_path / "study.toml"), (spring, summer, autumn))[-1])
+    assert "compared with" in printed
 
 
 @pytest.mark.slow

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from fem import Damping, Frame, MemberProperties, Mesh, Model, assemble, first_modes, solve_modes
-from tests.frames import FLAT, STEEL, fix
+from tests.frames import FLAT, STEEL, beam, fix
 from tests.updating.test_evidence_modes import E, cantilever, measured
 from updating import ModeTargets, build_mode_problem, propose
 from updating.diagnosis.evidence import ModeRanking
 from updating.forecast import Grid, Look, candidate_terms
+from updating.forecast.grid import Little
 
 MODULUS = "frame", "E:steel"
 
@@ -142,3 +143,17 @@ def test_a_look_at_few_points_of_grids_leaves_the_best_candidate_first():
     thin = Grid.of(problem, mass).thinned(6).points
     assert len(thin) == 6
     assert len({p["position"] for p in thin}) > 1 < len({p["mass"] for p in thin})
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_little_of_a_shifted_clamp_shortens_the_beam(side):
+    """All natural frequencies of a cantilever of length L are as L⁻²: ln f changes by 2 δ / L."""
+    model = beam(8, effects=(fix(side),))
+    (shift,) = propose(model, ["support_shift"])
+    f = first_modes(assemble(model), 4).frequency[:4]
+    problem = build_mode_problem(model, ModeTargets.of(f, 1e-3))
+    look = Look.of(problem, problem.nominal(), None, 0, 0)
+    little = Little.of(Grid.of(problem, shift), {})
+    (change,) = look.small_changes(little)
+    (amount,) = (p["amount"] for p in little.points)
+    np.testing.assert_allclose(change.real, 2 * abs(amount), rtol=0.05)

@@ -9,8 +9,8 @@ from fem import AddedMass, Damping, assemble, first_modes
 from tests.frames import beam, fix
 from updating import ModeTargets, Nuisance, Sensor, diagnose_modes
 from updating.diagnosis import calibrate, changed_problem, judged
-from updating.diagnosis.states import carried_modes, second_state
-from updating.inference import CommonErrors
+from updating.diagnosis.states import calibrated_errors, carried_modes, second_state
+from updating.inference.fitting import fit
 
 NOISE, N_MODES = 1e-3, 6
 
@@ -32,21 +32,6 @@ UNCERTAIN = (
     Nuisance("m4", "mass", 0.2),
     Nuisance("m6", "mass", 0.2),
 )
-
-
-@pytest.mark.parametrize("turn", [1.0, np.exp(0.7j)])
-def test_residuals_with_errors_in_common_become_independent(turn):
-    rng = np.random.default_rng(0)
-    std = rng.uniform(0.5, 2.0, 7)
-    errors = rng.standard_normal((3, 7)) * turn
-    common = CommonErrors.of(std, errors)
-    # Real and imaginary parts are residuals of their own: the map is linear in both.
-    unit = np.vstack([np.eye(7), 1j * np.eye(7)])
-    mapped = common.removed(unit.astype(complex))
-    A = np.hstack([mapped.real, mapped.imag]).T
-    both = np.hstack([errors.real, errors.imag])
-    C = np.diag(np.tile(std, 2) ** 2) + both.T @ both
-    np.testing.assert_allclose(A @ C @ A.T, np.diag(np.tile(std, 2) ** 2), atol=1e-12)
 
 
 def test_of_a_model_that_fits_to_the_noise_little_is_subtracted():
@@ -111,29 +96,64 @@ def test_shapes_and_damping_that_the_first_state_misses_are_carried_too():
     assert found.mac.min() > 0.99999
 
 
-def test_without_a_change_the_second_state_is_as_near_as_noise_and_calibration_leave_it():
-    """Each whitened residual has the variance 1; without the parameters' errors it would be above 1.3."""
-    rng, model = np.random.default_rng(3), cantilever()
-    squares, plain = [], []
-    for _ in range(30):
-        before, after = frequencies(model, rng), frequencies(model, rng)
-        first, _, problem = changed_problem(model, before, after, UNCERTAIN, model_error=0.0)
-        function = problem.function((), (), problem.targets.fitted)
-        r, _ = function(function.start, False)
-        squares.append(np.abs(r / function.least_deviations) ** 2)
-        plain.append(np.log(after.frequency / first.computed.frequency) / NOISE)
-    n = 30 * N_MODES
-    assert np.mean(squares) == pytest.approx(1.0, abs=3 * np.sqrt(2 / n))
-    assert np.mean(np.square(plain)) > 1.3
+def four_masses(change=0.0, **masses):
+    """Return a cantilever with four masses, and one that comes at its end."""
+    at = {"m3": 0.2, "m4": 0.2, "m5": 0.2, "m6": 0.2, **masses}
+    every = [AddedMass(name=name, point=int(name[1:]), mass=m) for name, m in at.items()]
+    every += [AddedMass(name="change", point=1, mass=change)] * bool(change)
+    return beam(8, effects=(fix(0), *every), theory="timoshenko")
 
 
-def test_a_form_with_more_parameters_than_modes_leaves_frequencies_as_uncertain_as_their_noise():
-    """JεεᵀJᵀ of a linear fit is less than the variance of its data, whatever the scales of its unknowns."""
-    rng, model = np.random.default_rng(4), cantilever()
-    _, _, problem = changed_problem(model, frequencies(model, rng), frequencies(model, rng), UNCERTAIN)
-    assert problem.common is not None
-    in_common = 1 / (1 - problem.common.less) ** 2 - 1
-    assert 0.1 < in_common.max() < 1.2
+@pytest.mark.parametrize("change", [0.1, 2.0])
+def test_what_both_states_leave_of_a_change_is_that_of_a_fit_to_both_at_once(change):
+    """A normal approximation with the same unknowns in both states, by differences of the beam itself.
+
+    Three modes know four masses badly. With errors of the second state without the change, ± is 0.67 and 1.29
+    of that.
+    """
+    modes, std = [0, 2, 4], 2e-4
+
+    def measured(**masses):
+        return first_modes(assemble(four_masses(**masses)), 12).frequency[modes]
+
+    at = {"m3": 0.2, "m4": 0.2, "m5": 0.2, "m6": 0.2, "change": change}
+    J = []
+    for key, value in at.items():
+        low, high = ({**at, key: value * np.exp(d)} for d in (-1e-4, 1e-4))
+        pairs = [({**low, "change": 0.0}, {**high, "change": 0.0}), (low, high)]
+        J.append(np.concatenate([np.log(measured(**b) / measured(**a)) for a, b in pairs]) / 2e-4)
+    prior = np.diag([0.5**-2] * 4 + [0.0])
+    both = change * np.sqrt(np.linalg.inv(np.array(J) @ np.array(J).T / std**2 + prior)[-1, -1])
+
+    before, after = (ModeTargets.of(measured(change=m), std, numbers=modes) for m in (0.0, change))
+    uncertain = tuple(Nuisance(name, "mass", 0.5) for name in ("m3", "m4", "m5", "m6"))
+    _, _, problem = changed_problem(four_masses(), before, after, uncertain, model_error=0.0)
+    later = AddedMass(name="later", point=1, mass=0.0)
+    problem = replace(problem, bad_prior=0.0, reduced=problem.reduced.with_forces_of([later]))
+    near = fit(problem, [later], [{"mass": change}])
+    _, basis = problem.better_basis(near) or (0.0, problem.reduced)
+    fitted = fit(replace(problem, reduced=basis), [later], [{"mass": change}])
+    assert fitted.effects[0].mass == pytest.approx(change, rel=1e-4)
+    assert fitted.std["later", "mass"] == pytest.approx(both, rel=0.12)
+
+
+def test_what_is_carried_follows_the_uncertain_parameters():
+    """Of what they do to the first state the share that is carried has no part in the second one."""
+    true, model = cantilever(mass=0.1), cantilever()
+    same = ModeTargets.of(first_modes(assemble(true), N_MODES).frequency[:N_MODES], NOISE)
+    first, _, problem = changed_problem(model, same, same, UNCERTAIN)
+    function = problem.function((), (), problem.targets.fitted)
+    x = function.start.copy()
+    off = 1e-3 * np.ones(problem.calibrated.loads.shape[1])
+    before = np.log(problem.computed(problem.nominal()).frequency)
+    x[-len(off) :] = off
+    every = function.modes_at(x).pairs(0).frequency
+    partner = problem.computed(problem.nominal()).partner
+    moved = np.log(every[partner]) - before
+    errors = problem.calibrated.loads @ off
+    alone = calibrated_errors(first)[1].T @ errors
+    assert 0.9 < first.form_share[0].min() < 0.999
+    np.testing.assert_allclose(moved, (1 - first.carried_share[0]) * alone, atol=0.01 * np.abs(alone).max())
 
 
 def test_a_model_that_the_first_state_does_not_contradict_stands():
@@ -217,6 +237,10 @@ def test_beside_a_second_cause_the_search_begins_with_what_was_found_beside_the_
     kinds = ["point_mass", "stiffness_loss"]
     d = diagnose_modes(cantilever(), after, UNCERTAIN, baseline=twice, kinds=kinds, model_error=0.0)
     (again,) = d.searched.otherwise
-    assert {h.key for h in again.search.known.values()} <= {h.key for h in d.searched.search.known.values()}
+    one, two = (
+        {h.key for h in search.known.values() if len(h.effects) < 2}
+        for search in (d.searched.search, again.search)
+    )
+    assert two <= one
     assert again.best.key == d.searched.best.key
     assert again.best.score == pytest.approx(d.searched.best.score, abs=0.1)

@@ -49,13 +49,20 @@ def calibrate(
     before: ModeTargets,
     nuisances: Sequence[Nuisance] = (),
     *,
+    known: Sequence[Effect] = (),
     damping_std: float = 0.5,
     model_error: float = EXPLAINED_LEVEL,
 ) -> Calibrated:
-    """Fit uncertain parameters, and the form's, to the modes of the first state."""
+    """Fit uncertain parameters, and the form's, to the modes of the first state.
+
+    ``known`` are effects that it is known to have, such as what was found when it was compared with an
+    earlier one; their values are fitted, from those that they have.
+    """
     problem, made = formed_mode_problem(
         model, before, nuisances, damping_std=damping_std, model_error=model_error
     )
+    if known:
+        return _with_causes_fitted(replace(problem, bad_prior=BAD_PRIOR), made, known)
     return _calibrated(problem, made)
 
 
@@ -146,11 +153,18 @@ def _with_causes(first: Calibrated, d: ModeDiagnosis) -> Baseline:
 
 def _with_cause(first: Calibrated, search: Search[ModeProblem], h: ScoredFit) -> Calibrated:
     """Return the model of the first state with the effects of a hypothesis."""
-    problem = search.fits.free(h)
-    effects = tuple(replace(e, name=f"{COMMON}{e.name}") for e in h.effects)
+    return _with_causes_fitted(search.fits.free(h), first.made, h.effects, h.fitted)
+
+
+def _with_causes_fitted(
+    problem: ModeProblem, made: Formed, causes: Sequence[Effect], near: FitResult | None = None
+) -> Calibrated:
+    """Return the model of the first state with effects, fitted from their values."""
+    effects = tuple(replace(uncommon(e), name=f"{COMMON}{uncommon(e).name}") for e in causes)
     problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
-    fitted = fit(problem, effects, values_of(effects), stages=problem.stages[-1:], x_from=h.fitted)
-    return _with_enriched_basis(problem, first.made, fitted)
+    stages = problem.stages if near is None else problem.stages[-1:]
+    fitted = fit(problem, effects, values_of(effects), stages=stages, x_from=near)
+    return _with_enriched_basis(problem, made, fitted)
 
 
 def uncommon(effect: Effect) -> Effect:

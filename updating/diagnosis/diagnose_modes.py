@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from fem.linalg.solvers import one_thread
 from fem.model import Effect, Model, ModelError
 from updating.diagnosis.baseline import calibrate, judged
@@ -40,13 +42,14 @@ def diagnose_modes(
     model_error: float = EXPLAINED_LEVEL,
     baseline: ModeTargets | Baseline | None = None,
     changes: Sequence[Effect] = (),
+    known: Sequence[Effect] = (),
     progress: Progress | None = None,
 ) -> ModeDiagnosis:
     """Find what a model lacks by measured natural frequencies, damping and shapes.
 
     With a ``baseline``, measured in an earlier state, it finds what has changed since then. Uncertain
-    parameters have one value in both states. It stays where the first state has put it; how uncertain it is
-    there counts as an error that all modes of the second state have in common.
+    parameters have one value in both states: what the first state leaves uncertain of it varies in all fits
+    to the second one.
 
     The search, the priors and the posterior are those of
     :func:`updating.diagnosis.diagnose.diagnose`.
@@ -68,16 +71,18 @@ def diagnose_modes(
         own.
     changes : sequence of Effect
         Effects that are known to have come since then; the model has none of them.
+    known : sequence of Effect
+        Effects that the earlier state is known to have; the model has none of them. Their values are fitted.
     progress : callable, optional
         Called with a text and the fraction done.
 
     Raises
     ------
     ModelError
-        If changes are stated without a baseline.
+        If changes or known effects are stated without the modes of an earlier state.
     """
-    if changes and baseline is None:
-        msg = "changes are those since an earlier state: baseline=…"
+    if (changes and baseline is None) or (known and not isinstance(baseline, ModeTargets)):
+        msg = "changes are those since an earlier state, and known effects its own: baseline=…"
         raise ModelError(msg)
     start_time = time.perf_counter()
     model = situated(model, kinds)
@@ -95,6 +100,11 @@ def diagnose_modes(
         else:
             if isinstance(baseline, ModeTargets):
                 say("calibrating on the first state", 0.0)
-                baseline = judged(calibrate(model, baseline, nuisances, **more), kinds, exclude, say=say)
+                first = calibrate(model, baseline, nuisances, known=known, **more)
+                baseline = (
+                    Baseline(first, (first,), np.zeros(1))
+                    if known
+                    else judged(first, kinds, exclude, say=say)
+                )
             found = change_since(baseline, targets, changes, kinds=kinds, exclude=exclude, say=say, **more)
     return replace(found, seconds=time.perf_counter() - start_time)

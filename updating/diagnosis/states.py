@@ -8,8 +8,10 @@ the second state's residuals are
     r' = k r + (1 - k) J ε + n' + √k σ ξ,  ξ ~ N(0, 1).
 
 So k r is carried over, as a change of the calibrated model's matrices in its modes
-(:mod:`updating.inference.common_errors`). ε remains uncertain as the first state has left it, and acts on
-all modes together.
+(:mod:`updating.inference.carried_modes`), and ε varies in every fit to the second state, with the first
+one's posterior as its prior (:mod:`updating.inference.calibrated_errors`): a change acts on a structure
+whose corners, clamps and sections are as uncertain as the first state has left them. Where they vary, the
+first state's residuals do, too: r + J ε of them is the form's or noise, and k (r + J ε) is carried.
 
 Where the first state says that the model lacks something, δ is no constant: see
 :mod:`updating.diagnosis.baseline`.
@@ -44,14 +46,15 @@ from updating.diagnosis.mode_diagnosis import (
 )
 from updating.diagnosis.mode_table import HALF
 from updating.inference.belief import TWIN_NATS
-from updating.inference.common_errors import CarriedModes, CommonErrors
+from updating.inference.calibrated_errors import CalibratedErrors
+from updating.inference.carried_modes import CarriedModes
 from updating.inference.defaults import EXPLAINED_LEVEL
 from updating.inference.heartbeat import Progress
-from updating.inference.mode_fit import BAD_PRIOR, FREQUENCY, SHAPE, ModeProblem, matched_modes
+from updating.inference.mode_fit import BAD_PRIOR, FREQUENCY, ModeProblem, matched_modes, start_of
 from updating.inference.mode_preparation import build_mode_problem
 from updating.inference.mode_targets import FAR, LIKENESS, ModeTargets, mac_of
 from updating.inference.parameters import Nuisance
-from updating.inference.unknowns import Unknown
+from updating.inference.unknowns import values_at
 
 
 def carried_modes(calibrated: Calibrated, after: ModeTargets) -> CarriedModes:
@@ -83,7 +86,9 @@ def carried_modes(calibrated: Calibrated, after: ModeTargets) -> CarriedModes:
         there = [p.shapes[:, partner[i]] for p, i in zip(pairs, some, strict=True)]
         each = [_shape_difference(before.shapes[:, i], c) for i, c in zip(some, there, strict=True)]
         shapes = of_shape[some] * np.array(each).T.reshape(shapes.shape)
-    return CarriedModes(forces, moved, lost, shapes)
+    errors, by = calibrated_errors(calibrated)
+    by_errors = 2 * (moved - of_f[some] * (lam + moved))[:, None] * by[:, some].T
+    return CarriedModes(forces, moved, lost, shapes, errors, by_errors)
 
 
 def with_first_errors(calibrated: Calibrated, after: ModeTargets) -> ModeTargets:
@@ -187,35 +192,31 @@ def second_state(
         problem.damping,
         nominal=first.problem.damping.ratio(problem.damping.knots, first.fitted.zeta)[0],
     )
-    problem = replace(problem, damping=curve, carried=carried_modes(first, after), bad_prior=BAD_PRIOR)
-    return changed, replace(problem, common=_parameters_error(first, problem))
+    carried = carried_modes(first, after)
+    problem = replace(problem, damping=curve, carried=carried, calibrated=carried.errors, bad_prior=BAD_PRIOR)
+    return changed, problem
 
 
-def _parameters_error(first: Calibrated, problem: ModeProblem) -> CommonErrors | None:
-    """Return what uncertain calibrated parameters do to the second state's residuals, (1 - k) J ε.
+def calibrated_errors(first: Calibrated) -> tuple[CalibratedErrors, Floats]:
+    """Return what the first state leaves uncertain of its parameters, and what that does to its modes.
 
-    Those of effects that both states have are among them.
+    That are derivatives of ln f of the first state's modes by errors of each parameter, (n_errors, n).
+    Effects that both states have are among the parameters.
     """
-    causes = tuple(Unknown(((e.name, p.name),)) for e in first.fitted.effects for p in e.parameters())
-    nuisances = tuple(n for n in first.problem.nuisances if n.refs[0] in first.fitted.values)
-    uncertain = replace(problem, nuisances=(*nuisances, *causes))
-    function = uncertain.function((), (), problem.targets.fitted)
-    n = len(function.variables)
-    if not n:
-        return None
-    # The two states may have different frequencies, at which the damping curve has its knots.
-    others = first.fitted.zeta[len(first.problem.damping.knots) :]
-    there = replace(first.fitted, zeta=np.append(problem.damping.nominal, others))
-    _, J = function(function.moved_to(there), True)
+    problem, fitted = first.problem, first.fitted
+    function = problem.function(fitted.effects, start_of(fitted.effects), problem.targets.fitted)
+    variables, x = function.variables, function.point_of(fitted)
+    n = len(variables)
+    errors = CalibratedErrors.of(variables, values_at(variables, x[:n]), fitted.covariance[:n, :n])
+    _, J = function(x, True)
     assert J is not None
-    # Units of x may differ between the two problems: the covariance is that of values.
-    size, Q = np.linalg.eigh(first.fitted.covariance[:n, :n])
-    errors = (Q * np.sqrt(np.maximum(size, 0.0))).T @ (J[:n] / function.units[:n, None])
-    k = _common_modes(first, problem.targets)[function.mode_of]
-    share = np.where(k >= 0, first.carried_share[function.kinds, k], 0.0)
-    if not same_sensors(first.problem.targets, problem.targets):
-        share = np.where(function.kinds == SHAPE, 0.0, share)
-    return CommonErrors.of(function.least_deviations, errors * (1 - share))
+    t, some = problem.targets, function.kinds == FREQUENCY
+    std = np.hypot(t.frequency_std, problem.mesh_level)[t.fitted]
+    by = np.zeros((len(errors.refs), t.n))
+    # Parameters of one unknown move together: the first of them stands for all.
+    lead = np.cumsum([0, *(len(v.refs) for v in variables)])[:-1].astype(np.int64)
+    by[np.ix_(lead, t.fitted)] = (J[:n, some].real * (std / std.min())) / function.units[:n, None]
+    return errors, by
 
 
 def change_since(

@@ -325,7 +325,7 @@ class Look(Generic[P, C]):
         way hardly differ by more than a little flexibility does.
         """
         effect = little.grid.effect
-        if self.residuals.has_cheap_slopes:
+        if self.residuals.has_cheap_slopes and self.residuals.has_slope(effect):
             return self.slopes_by()([little])[0]
         if not effect.released():
             return self.all_changes(Grid(effect, little.points))

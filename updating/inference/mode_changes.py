@@ -65,8 +65,11 @@ class ModeChanges(ResidualChanges):
         return VISIBLE * self.function.least_deviations
 
     def has_slope(self, effect: Effect) -> bool:
-        """Return True: of a constraint that gives way a little the inertia on it tells."""
-        return True
+        """Whether a little of an effect is known by the forces on what it changes.
+
+        Of a constraint that gives way a little the inertia on it tells; not of one that holds elsewhere.
+        """
+        return not effect.released() or bool(np.isinf(effect.parameters()[0].absent))
 
     @property
     def has_cheap_slopes(self) -> bool:

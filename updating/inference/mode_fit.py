@@ -19,7 +19,8 @@ from fem.reduction.terms import ReducedTerm
 from fem.system import assemble
 from updating.inference.bases import BASIS_SHARE
 from updating.inference.belief import DISCREPANCY_MAX, FORM_DAMPING
-from updating.inference.common_errors import CarriedModes, CommonErrors
+from updating.inference.calibrated_errors import CalibratedErrors
+from updating.inference.carried_modes import CarriedModes
 from updating.inference.defaults import BASIS_LINES, EXPLAINED_LEVEL
 from updating.inference.fit_data import sensor_vectors
 from updating.inference.fit_function import Errors, FitFunction, propagated
@@ -72,8 +73,8 @@ class ModeProblem(Problem[ModeTargets]):
 
     Attributes
     ----------
-    common : CommonErrors or None
-        Errors that the residuals of the fitted modes have in common.
+    calibrated : CalibratedErrors or None
+        Errors of what was fitted to another state: they vary in every fit, behind damping.
     carried : CarriedModes or None
         What the model misses of another state's modes, and of these as far as they are the same.
     bad_prior : float
@@ -82,7 +83,7 @@ class ModeProblem(Problem[ModeTargets]):
         Of the structure; NaN where modes that hardly move the sensors count as seen [kg].
     """
 
-    common: CommonErrors | None = None
+    calibrated: CalibratedErrors | None = None
     carried: CarriedModes | None = None
     bad_prior: float = 0.0
     mass: float = np.nan
@@ -140,7 +141,7 @@ class ModeProblem(Problem[ModeTargets]):
 
     @property
     def log_density(self) -> float:
-        """Logarithm of the density that deviations and errors in common give the residuals [nats].
+        """Logarithm of the density that deviations give the residuals [nats].
 
         By so much log likelihoods differ between two problems of the same modes, up to a constant.
         """
@@ -165,7 +166,7 @@ class ModeProblem(Problem[ModeTargets]):
         release: Sequence[tuple[str, str]] = (),
     ) -> ParametricModes:
         """Return the model's modes as a function of parameters, for some of the measured ones."""
-        f, carried = self.targets.frequency[modes], self.carried and self.carried.term(self.reduced)
+        f, carried = self.targets.frequency[modes], self.carried and self.carried.terms(self.reduced, refs)
         return ParametricModes(self.reduced, self.outputs(), f, refs, effects, release, carried)
 
     def outputs(self) -> Floats:
@@ -187,7 +188,10 @@ class ModeProblem(Problem[ModeTargets]):
         self, effects: Sequence[Effect], starts: Sequence[dict[str, float]], lines: Ints
     ) -> ModeFunction:
         """Return the residuals of some measured modes as a function of all that varies."""
-        return ModeFunction(self, tuple(effects), *self.unknowns(effects, starts), lines)
+        out = ModeFunction(self, tuple(effects), *self.unknowns(effects, starts), lines)
+        if self.calibrated is None:
+            return out
+        return out.with_scatter(self.calibrated.without({ref for e in effects for ref in e.replaces()}))
 
     def residuals(
         self,
@@ -319,7 +323,7 @@ class ModeProblem(Problem[ModeTargets]):
         if not (t.held_out.any() and isinstance(levels, ModeLevels)):
             return np.full(t.n, np.nan)
         # A mode finds its partner among all of them, in their order.
-        alone = replace(self.with_forces_of(result), common=None)
+        alone = self.with_forces_of(result)
         function = alone.function(result.effects, start_of(result.effects), every)
         x = function.point_of(result)
         predicted = t.held_out & (matched_modes(alone, function.modes_at(x), every).partner >= 0)
@@ -574,7 +578,7 @@ class ModeFunction(FitFunction[ModeProblem]):
 
     @cached_property
     def _parametric(self) -> ParametricModes:
-        return self.problem.parametric(self.lines, self.refs, self.effects)
+        return self.problem.parametric(self.lines, self._all_refs, self.effects)
 
     def __call__(self, x: Floats, gradient: bool) -> tuple[Complexes, Complexes | None]:
         """Return the weighted residuals, (m,), and their Jacobian, (n, m), if asked."""
@@ -592,16 +596,35 @@ class ModeFunction(FitFunction[ModeProblem]):
         """Return the derivatives (n, m) of the residuals by x."""
         n, curve = len(self.variables), self.problem.damping
         J = np.zeros((len(x), sum(self._sizes)), dtype=complex)
-        by_refs = self.slopes(at, found, self._parametric.slopes(self._values(x)), len(self.refs))
-        J[:n] = by_unknowns(self.variables, x[:n], by_refs)
+        by_refs = self.slopes(at, found, self._parametric.slopes(self._values(x)), len(self._all_refs))
+        J[:n] = by_unknowns(self.variables, x[:n], by_refs[: len(self.refs)])
+        if self._errors is not None:
+            behind = self._parts[2]
+            J[behind] = self._errors.slopes(x[behind]).T @ by_refs[len(self.refs) :]
         f = self._data.frequency[self.lines]
         m = n + len(curve.start)
         hats, zeta = curve.hats(f), np.exp(curve.hats(f) @ x[n:m] + curve.offset(f))
         J[n:m] = self._by_damping(at, found, np.atleast_2d(zeta), hats.reshape(-1, *hats.shape[-2:]))
         return J
 
+    @property
+    def _errors(self) -> CalibratedErrors | None:
+        return self.scatter if isinstance(self.scatter, CalibratedErrors) else None
+
+    @property
+    def _all_refs(self) -> list[ParameterRef]:
+        """Parameters that the variables move, and those that were fitted to another state behind them."""
+        return self.refs if self._errors is None else [*self.refs, *self._errors.refs]
+
+    def point_of(self, result: FitResult) -> Floats:
+        """Return x of a result that has the same unknowns, errors of calibrated parameters among them."""
+        x = super().point_of(result)
+        x[self._parts[2]] = result.scatter
+        return x
+
     def _values(self, x: Floats) -> Floats:
-        return values_at(self.variables, x[: len(self.variables)])
+        values = values_at(self.variables, x[: len(self.variables)])
+        return values if self._errors is None else np.append(values, self._errors.at(x[self._parts[2]]))
 
     def modes_at(self, x: Floats, release: Sequence[tuple[str, str]] = ()) -> ModesAt:
         """Return the modes at some unknowns, without some constraints if asked."""
@@ -609,7 +632,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         zeta = np.exp(curve.hats(f) @ x[n : n + len(curve.start)] + curve.offset(f))
         parametric = self._parametric
         if release:
-            parametric = self.problem.parametric(self.lines, self.refs, self.effects, release)
+            parametric = self.problem.parametric(self.lines, self._all_refs, self.effects, release)
         return parametric.at(self._values(x), zeta)
 
     def residuals(self, at: ModesAt) -> tuple[Complexes, Partners]:
@@ -648,12 +671,7 @@ class ModeFunction(FitFunction[ModeProblem]):
         ]
         if shaped is not None:
             parts.append(shaped.residuals.reshape(len(eigenvalues), *self._known.shape)[:, self._known])
-        return self._independent(np.concatenate(parts, axis=1).astype(complex))
-
-    def _independent(self, r: Complexes) -> Complexes:
-        """Return residuals, or changes of them, (..., m), without the errors that they have in common."""
-        common = self.problem.common
-        return r if common is None else common.removed(r)
+        return np.concatenate(parts, axis=1).astype(complex)
 
     @cached_property
     def _damped(self) -> Ints:
@@ -765,7 +783,7 @@ class ModeFunction(FitFunction[ModeProblem]):
             by_shape = shaped.slopes(np.where(self._known[:, None], moved, 0.0))
             by_shape[[i for i, m in enumerate(found) if m is None]] = 0.0
             J[:, sum(self._sizes[:SHAPE]) :] = by_shape.transpose(1, 0, 2)[:, self._known]
-        return self._independent(J)
+        return J
 
     def _of_eigenvalue(self, J: Complexes, mode: tuple[int, int, DampedMode], d: Complexes) -> None:
         """Write into J what changes d (n,) of an eigenvalue do to ln f and ln ζ."""
@@ -784,7 +802,7 @@ class ModeFunction(FitFunction[ModeProblem]):
             if mode is not None:
                 slopes = at.by_zeta(mode[0], mode[2]) * zeta[:, mode[0]]
                 self._of_eigenvalue(J, mode, slopes @ hats[:, mode[0]])
-        return self._independent(J)
+        return J
 
     @property
     def least_deviations(self) -> Floats:
@@ -793,13 +811,12 @@ class ModeFunction(FitFunction[ModeProblem]):
 
     @property
     def log_density(self) -> float:
-        """Logarithm of the density that weights and errors in common give the residuals, up to a constant."""
+        """Logarithm of the density that weights give the residuals, up to a constant."""
         out = sum(float(np.log(d.min() / d).sum()) for d in self._deviation[: DAMPING + 1] if len(d))
         if self._data.has_shapes:
             d, n = self._deviation[SHAPE], self._known.sum(axis=1)
             out += float((n * np.log(d.min() / d)).sum())
-        common = self.problem.common
-        return out if common is None else out + common.log_density
+        return out
 
     @property
     def mode_of(self) -> Ints:
@@ -815,6 +832,18 @@ class ModeFunction(FitFunction[ModeProblem]):
         of how near the model is to the data.
         """
         out = super().result(solution)
+        if (errors := self._errors) is not None:
+            at, n, known = self._parts[2], len(out.covariance), solution.covariance
+            every = known * np.outer(self.units, self.units) if known.size else np.full((n, n), np.nan)
+            slopes = errors.slopes(solution.x[at])
+            std = (
+                np.sqrt(np.einsum("ik,kl,il->i", slopes, every[at, at], slopes))
+                if known.size
+                else slopes[:, 0]
+            )
+            now = dict(zip(errors.refs, errors.at(solution.x[at]).tolist(), strict=True))
+            std = dict(zip(errors.refs, std.tolist(), strict=True))
+            out = replace(out, values={**out.values, **now}, std={**out.std, **std}, covariance=every)
         levels, v = self.levels(), self.misfit(solution.x)
         belong = (levels.kind == FREQUENCY) * np.maximum(1 - levels.is_bad(v), 0.0)
         return replace(out, level=float(np.sqrt(belong @ v / max(belong.sum(), 1e-12))))

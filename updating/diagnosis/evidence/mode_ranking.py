@@ -32,7 +32,8 @@ class ModeRanking(Ranking):
         """
         look = Look.of(problem, current, None, 0, 0).with_all_readings()
         effects = [(n, acting(e)) for n, place in enumerate(places) for e in place.effects]
-        effects = [(n, e) for n, e in effects if not e.amplitude_dependent]
+        has_slope = look.residuals.has_slope
+        effects = [(n, e) for n, e in effects if not e.amplitude_dependent and has_slope(e)]
         y = look.whitened(look.adapted(look.now[None], (), look.off))[0]
         changes = look.residuals.slopes()([e for _, e in effects])
         there = np.isfinite(changes).all(axis=1)
