@@ -64,6 +64,10 @@ class ModeChanges(ResidualChanges):
         """Changes of the residuals below these are not seen, (m,) [-]."""
         return VISIBLE * self.function.least_deviations
 
+    def heavily_damped(self) -> ModeChanges:
+        """Return the changes as they are: those of modes do not depend on how sharp their resonances are."""
+        return self
+
     def has_slope(self, effect: Effect) -> bool:
         """Return True: of a constraint that gives way a little the inertia on it tells."""
         return True
