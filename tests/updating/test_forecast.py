@@ -269,3 +269,24 @@ def test_spring_stiffer_than_what_it_holds_is_seen_at_no_size():
     assert np.isfinite(linear).all()
     assert np.isinf(solved[along]).all()
     assert np.isfinite(solved[[k for k in range(len(springs)) if k not in along]]).any()
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind"), [("portal", "support_flexibility"), ("cross", "stiffness_loss"), ("cross", "crack")]
+)
+def test_the_more_stiffness_is_lost_the_more_strongly_it_counts(shape, kind):
+    """Far beyond the width of resonances, from which on compared FRFs show no more of it."""
+    case = make_case(1, shape, "nothing")
+    problem = build_problem(case.model, case.measurement, case.nuisances)
+    planned = as_planned(problem, problem.nominal())
+    candidates = propose(case.model, [kind])[:2]
+    forecast = Forecast.at(planned, planned.nominal(), candidates, besides=0.0, vectors=True)
+    i = int(np.argmax(forecast.precision))
+    little, place = forecast.littles[forecast.owner[i]], int(forecast.place[i])
+    sizes = 5 / forecast.precision[i] * 2.0 ** np.arange(24)
+    sizes = np.array([a for a in sizes if little.reaches(place, a)])
+    assert len(sizes) > 4
+    _, strengths = forecast.squares_at(np.full(len(sizes), i), sizes)
+    assert (np.diff(strengths) > -1e-3 * strengths[:-1]).all()
+    assert strengths[0] == pytest.approx(sizes[0], rel=0.1)
+    assert strengths[-1] > 4 * strengths[0]

@@ -12,12 +12,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.array_types import Bools, Ints
 from fem.model import Effect, ParameterRef, parameter_values
 from updating.forecast.grid import Grid, Little
-from updating.forecast.look import Complexes, Floats, Look
+from updating.forecast.look import Complexes, Floats, Look, sizes_of
 from updating.forecast.sizes import Sizes
 from updating.inference.fit_result import FitResult
 from updating.inference.heartbeat import beat
@@ -28,8 +27,6 @@ MOST_VALUES, MOST_COMPARED = 10_000, 3_000
 """Largest number of values of FRFs that are used for gains, and where changes are kept to be compared."""
 ROUNDING = 1e-9
 """Changes of residuals by the largest plausible size below this are none [nepers]."""
-MOST_SAMPLED, FAINT = 400, 0.05
-"""Number of residuals by which sizes are compared; faint changes, in parts of the rms, do not count."""
 STEP = 1e-3
 """Step of differences by a parameter, in parts of its prior deviation or of a size [-]."""
 SMALL_SHARE = 0.01
@@ -92,8 +89,6 @@ class Forecast:
         How far uncertain parameters move against the change there, where vectors were asked for.
     changes : ndarray (n, m)
         Changes of the weighted residuals of the full band, where they were asked for.
-    samples : ndarray (n, n_sampled)
-        Of some of these residuals, where vectors were asked for.
     """
 
     look: Look[Any, Any]
@@ -111,7 +106,6 @@ class Forecast:
     vectors: Floats = field(repr=False)
     moved: Floats = field(repr=False)
     changes: Complexes = field(repr=False)
-    samples: NDArray[np.complex64] = field(init=False, repr=False)
 
     @classmethod
     def at(
@@ -197,8 +191,6 @@ class Forecast:
                 out.low[rows] = out.look.low_levels(low, most[rows], one_sided[rows])
                 if changes:
                     out.changes[rows] = full
-                if vectors:
-                    out.samples[rows] = full[:, out._sampled]
                 out._judge(rows, full, theirs, most[rows], one_sided[rows])
         return every
 
@@ -212,7 +204,7 @@ class Forecast:
         changes: bool,
     ) -> "Forecast":
         n, m = sum(n_each), len(look.share)
-        out = cls(
+        return cls(
             look,
             littles,
             np.repeat(np.arange(len(littles)), n_each),
@@ -229,8 +221,6 @@ class Forecast:
             moved=np.empty((n if vectors else 0, len(look.refs))),
             changes=np.empty((n if changes else 0, m), dtype=complex),
         )
-        out.samples = np.empty((n if vectors else 0, len(out._sampled)), dtype=np.complex64)
-        return out
 
     def _judge(
         self,
@@ -407,9 +397,9 @@ class Forecast:
     def squares_at(self, rows: Ints, multiples: Floats) -> tuple[Floats, Floats]:
         """Return what sizes do as they are, rather than multiples of a change.
 
-        ``squares`` of the changes solved for, (n_rows, n_groups + 1), and the multiples of the change of a
-        little that most residuals show, (n_rows,): those next to a resonance that shifts by more than its
-        width show less. Not a number where the parameters have no such value. Needs ``samples``.
+        ``squares`` of the changes solved for, (n_rows, n_groups + 1), and how many times as strongly as a
+        little the sizes act on the heavily damped model, (n_rows,). Not a number where the parameters have no
+        such value.
         """
         look = self.look
         m, full_band = len(look.share), look.residuals.full_band
@@ -423,21 +413,16 @@ class Forecast:
             each = [(n, at, a) for n, at, a in each if np.isfinite(a)]
             if each:
                 beat()
-                changes.append(look.changes_at(little, [(at, a) for _, at, a in each])[:, full_band])
-                some += [n for n, *_ in each]
+                these, at = [n for n, *_ in each], [place for _, place, _ in each]
+                sizes = sizes_of(little, [(place, a) for _, place, a in each])
+                changes.append(look.changes_at(sizes)[:, full_band])
+                effective[these] = look.heavily_damped.strengths(little, at, sizes)
+                some += these
         if some:
-            change = np.concatenate(changes)
-            beyond = look.adapted(change)
+            beyond = look.adapted(np.concatenate(changes))
             of_groups, known = np.abs(beyond[:, :m]) ** 2 @ look.share, beyond[:, m:].real
             out[some] = np.column_stack([of_groups, 0.5 * (known**2).sum(axis=1)])
-            effective[some] = _multiples(change[:, self._sampled], self.samples[rows[some]])
         return out, effective
-
-    @cached_property
-    def _sampled(self) -> Ints:
-        """Which residuals of the full band have samples."""
-        m = len(self.look.share)
-        return np.arange(0, m, max(1, m // MOST_SAMPLED))
 
     def _over_places(self, together: np.ufunc, each: Floats) -> Floats:
         out = np.full(len(self.littles), -np.inf)
@@ -448,12 +433,3 @@ class Forecast:
         """Return a candidate at one of its places and at a multiple of its little there."""
         little = self.littles[self.owner[i]]
         return little.grid.effect.with_values(**little.values(int(self.place[i]), factor))
-
-
-def _multiples(change: Complexes, little: NDArray[np.complexfloating]) -> Floats:
-    """Return the medians over residuals of the ratios of changes (n, m) to others, (n,)."""
-    size = np.abs(little) ** 2
-    counts = size > FAINT**2 * size.mean(axis=1, keepdims=True)
-    ratio = (change * little.conj()).real / np.where(counts, size, 1.0)
-    each = [np.median(r[c]) if c.any() else 0.0 for r, c in zip(ratio, counts, strict=True)]
-    return np.abs(np.array(each))

@@ -33,6 +33,8 @@ RELEASED = 0.01
 """A constraint counts as released, and hardly giving way, at this share of a size [-]."""
 EXPLAINED_TOGETHER = 16
 """Number of candidates whose grids are adapted to at once."""
+KEPT_LENGTHS = 100
+"""Number of candidates of which the lengths of a little are kept: their sizes are solved for in turns."""
 
 
 P = TypeVar("P", bound=Problem[Any])
@@ -81,6 +83,15 @@ def candidate_terms(problem: Any, base: FitResult, grid: Grid) -> tuple[ReducedT
         model = reduced.model.with_values({ref: base.values[ref] for ref in ratio})
         terms = [reduced.value_of(effect.with_values(**p), model) for p in grid.points]
     return tuple(replace(t, stiffer=stiffer) for t in terms)
+
+
+def sizes_of(little: Little, sizes: Sequence[tuple[int, float]]) -> Grid:
+    """Return multiples of a little at places; of what releases a constraint, hardly any of it as well."""
+    points = [little.values(k, a) for k, a in sizes]
+    if little.grid.effect.released():
+        # A share of the size is no good: 1 % of a foot that is nearly free gives way, too.
+        points += [little.values(k, float(np.clip(a, -1, 1)) * RELEASED) for k, a in sizes]
+    return Grid(little.grid.effect, tuple(points))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,6 +154,8 @@ class Look(Generic[P, C]):
     # Looks at one fit that weight readings differently share the changes of a grid, and of a little of it.
     _last: Recent = field(default_factory=lambda: Recent(2), repr=False)
     _last_little: Recent = field(default_factory=lambda: Recent(1), repr=False)
+    _last_terms: Recent = field(default_factory=lambda: Recent(1), repr=False)
+    _lengths: Recent = field(default_factory=lambda: Recent(KEPT_LENGTHS), repr=False)
 
     @classmethod
     def of(
@@ -333,18 +346,34 @@ class Look(Generic[P, C]):
         strong, weak = np.split(self.all_changes(Grid(effect, little.points + weaker)), 2)
         return (strong - weak) / (1 - WEAKER)
 
-    def changes_at(self, little: Little, sizes: Sequence[tuple[int, float]]) -> Complexes:
-        """Return the changes of all residuals by multiples of a little at places, (n, m).
+    def changes_at(self, sizes: Grid) -> Complexes:
+        """Return the changes of all residuals by sizes of :func:`sizes_of`, (n, m).
 
         Of what releases a constraint, without what letting go alone does: see :meth:`small_changes`.
         """
-        effect = little.grid.effect
-        points = tuple(little.values(k, a) for k, a in sizes)
-        if not effect.released():
-            return self.all_changes(Grid(effect, points))
-        weak = tuple(little.values(k, a * RELEASED) for k, a in sizes)
-        there, released = np.split(self.all_changes(Grid(effect, points + weak)), 2)
+        changes = self.all_changes(sizes)
+        if not sizes.effect.released():
+            return changes
+        there, released = np.split(changes, 2)
         return there - released
+
+    def strengths(self, little: Little, places: Sequence[int], sizes: Grid) -> Floats:
+        """Return how many times as large as those of a little at places the changes by sizes are, (n,)."""
+        small = self._lengths.get(little, lambda: np.linalg.norm(self._first_order(little), axis=1))[places]
+        return np.linalg.norm(self.changes_at(sizes), axis=1) / np.where(small > 0, small, np.inf)
+
+    def _first_order(self, little: Little) -> Complexes:
+        linear = self.residuals.has_slope(little.grid.effect)
+        return self._kept_slopes([little])[0] if linear else self.small_changes(little)
+
+    @cached_property
+    def _kept_slopes(self) -> Callable[[Sequence[Little]], list[Complexes]]:
+        return self.slopes_by()
+
+    @cached_property
+    def heavily_damped(self) -> "Look[P, C]":
+        """The model in which resonances do not stand out: its changes tell how strongly effects act."""
+        return replace(self, residuals=self.residuals.heavily_damped(), _last=Recent(2))
 
     def slopes_by(self) -> Callable[[Sequence[Little]], list[Complexes]]:
         """Return a function that gives the changes by a little of candidates to the first order.
@@ -382,7 +411,7 @@ class Look(Generic[P, C]):
 
     def _solved_for(self, grid: Grid) -> Complexes:
         beat()
-        terms = candidate_terms(self.problem, self.base, grid)
+        terms = self._last_terms.get(grid, lambda: candidate_terms(self.problem, self.base, grid))
         return self.residuals.by_terms(grid.effect.released(), terms)
 
     def costs(self, r: Complexes) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +22,10 @@ VISIBLE = 1e-3
 """Changes of the compared FRFs below this are not seen: the directions measured do not have them [nepers]."""
 LEAST_LINES = 12
 """Lines that are kept of them in any case."""
+HEAVY_DAMPING = 0.3
+"""Damping ratio at which resonances that shift by a half still overlap with where they were [-]."""
+DAMPED_LINES, DAMPED_VALUES = 20, 400
+"""Numbers of lines and values at which a heavily damped model is looked at: it is smooth."""
 
 
 @dataclass(eq=False)
@@ -29,7 +33,8 @@ class FrfChanges(ResidualChanges):
     """Changes of the log ratios at a few lines.
 
     Of many FRFs not every value is looked at. ``at`` are the flat positions of those that are, in an array
-    (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each.
+    (n_lines, n_out, n_in), ``measured`` and ``weight`` what belongs to each. ``damping`` is the damping ratio
+    of all modes if it is not that of the fit.
     """
 
     problem: Any
@@ -37,6 +42,7 @@ class FrfChanges(ResidualChanges):
     at: Ints
     measured: Complexes
     weight: Floats
+    damping: float | None = None
     # By the constraints that an effect releases.
     _solved: dict[tuple[tuple[str, str], ...], LocalChanges] = field(
         default_factory=dict, init=False, repr=False
@@ -67,6 +73,28 @@ class FrfChanges(ResidualChanges):
             measured=data.H[lines].ravel()[at],
             weight=data.weight[lines].ravel()[at],
         )
+
+    def heavily_damped(self) -> FrfChanges:
+        """Return changes of the model's own receptances with ``HEAVY_DAMPING``, at some lines of the band.
+
+        Those of sharp resonances that shift by more than their width do not grow with the shift.
+        """
+        n, shape = len(self.lines), self.problem.data.mask.shape[1:]
+        line, of_line = np.divmod(self.at[self.full_band], int(np.prod(shape)))
+        some = np.unique(np.linspace(0, line.max(initial=0), min(DAMPED_LINES, n)).round().astype(int))
+        here = np.flatnonzero(np.isin(line, some))
+        here = here[_some(len(here), DAMPED_VALUES)]
+        at = np.searchsorted(some, line[here]) * int(np.prod(shape)) + of_line[here]
+        out = replace(
+            self,
+            some=here,
+            full_band=np.ones(len(here), dtype=bool),
+            lines=self.lines[some],
+            at=at,
+            weight=np.ones(len(here)),
+            damping=HEAVY_DAMPING,
+        )
+        return replace(out, measured=out.solved(()).H.ravel()[at])
 
     @cached_property
     def now(self) -> Complexes:
@@ -124,7 +152,8 @@ class FrfChanges(ResidualChanges):
             p, base = self.problem, self.base
             f, refs = p.data.frequency[self.lines], list(base.values)
             engine = p.engine(f, refs, base.effects, released, channels=base.channels)
-            zeta = p.damping.ratio(f, base.zeta)
+            fitted = self.damping is None
+            zeta = p.damping.ratio(f, base.zeta) if fitted else np.full(len(f), self.damping)
             self._solved[released] = LocalChanges.of(engine, np.array([base.values[r] for r in refs]), zeta)
         return self._solved[released]
 

@@ -64,6 +64,10 @@ class ModeChanges(ResidualChanges):
         """Changes of the residuals below these are not seen, (m,) [-]."""
         return VISIBLE * self.function.least_deviations
 
+    def heavily_damped(self) -> ModeChanges:
+        """Return the changes as they are: those of modes do not depend on how sharp their resonances are."""
+        return self
+
     def has_slope(self, effect: Effect) -> bool:
         """Whether a little of an effect is known by the forces on what it changes.
 

@@ -71,6 +71,10 @@ class ResidualChanges(ABC):
         """
 
     @abstractmethod
+    def heavily_damped(self) -> "ResidualChanges":
+        """Return some residuals of the model in which resonances do not stand out."""
+
+    @abstractmethod
     def has_slope(self, effect: Effect) -> bool:
         """Whether :meth:`slopes` are those of an effect: of some its matrices alone do not tell."""
 
