@@ -71,7 +71,7 @@ class ResidualChanges(ABC):
         """
 
     @abstractmethod
-    def heavily_damped(self) -> "ResidualChanges":
+    def heavily_damped(self) -> ResidualChanges:
         """Return some residuals of the model in which resonances do not stand out."""
 
     @abstractmethod
