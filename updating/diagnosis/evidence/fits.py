@@ -257,13 +257,13 @@ def possible(fits: Iterable[Callable[[], Fit]]) -> list[Fit]:
 
 
 def around(effects: Sequence[Effect], first: int = 0) -> list[Values]:
-    """Return starts at the effects' values but for one positive parameter, some factors off."""
+    """Return starts at the effects' values but for one positive parameter, a factor off."""
     values = values_of(effects)
     starts: list[Values] = []
     for k, e in list(enumerate(effects))[first:]:
         for p in e.parameters():
             # Factors of a found positive parameter at which other maxima are looked for
-            for factor in (0.6, 1.0, 1.6) if p.log else ():
+            for factor in (0.6, 1.6) if p.log else ():
                 moved = {p.name: float(np.clip(factor * p.value, p.lower, p.upper))}
                 starts.append((*values[:k], values[k] | moved, *values[k + 1 :]))
     return starts
