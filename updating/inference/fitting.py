@@ -102,7 +102,7 @@ def null_fit(problem: Problem[Any], *, n_lines: int = FULL_LINES, counted_as: in
     From where a fit band by band ends, with its damping and with one that is even over frequency, and from
     where one to damped FRFs does, which converges from far away. Few lines tell which is best.
     """
-    banded, far = fit(problem, n_lines=QUICK_LINES, counted_as=0), far_fit(problem)
+    banded, far = fit(problem, counted_as=0, **COMPARED), far_fit(problem)
     ways = [banded, problem.with_even_damping(banded), *([far] if far else [])]
     last: dict[str, Any] = {"stages": problem.stages[-1:], "counted_as": counted_as}
     best = max((fit(problem, x_from=near, **last, **COMPARED) for near in ways), key=lambda r: r.log_evidence)

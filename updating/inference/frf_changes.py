@@ -11,6 +11,7 @@ import numpy as np
 
 from fem.array_types import Complexes, Floats, Ints
 from fem.model import Effect, parameter_values
+from fem.recent import Recent
 from fem.reduction.local_changes import LocalChanges
 from fem.reduction.terms import ReducedTerm
 from updating.correlation import complex_log
@@ -43,10 +44,9 @@ class FrfChanges(ResidualChanges):
     measured: Complexes
     weight: Floats
     damping: float | None = None
-    # By the constraints that an effect releases.
-    _solved: dict[tuple[tuple[str, str], ...], LocalChanges] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    # By the constraints that an effect releases: one has the responses of all DOFs to all sensors, and those
+    # that release the same follow one another.
+    _released: Recent = field(default_factory=lambda: Recent(2), init=False, repr=False)
 
     @classmethod
     def of(cls, problem: Any, base: FitResult, n_full: int | None, n_low: int, most: int) -> FrfChanges:
@@ -146,16 +146,24 @@ class FrfChanges(ResidualChanges):
             r: Any = self.weight * self.problem.data.seen(complex_log(computed / self.measured))
         return np.where(np.isfinite(r), r, 0.0)
 
+    @cached_property
+    def _unreleased(self) -> LocalChanges:
+        return self._solved_without(())
+
     def solved(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
         """Return the model solved at the lines, without the constraints that an effect releases."""
-        if released not in self._solved:
-            p, base = self.problem, self.base
-            f, refs = p.data.frequency[self.lines], list(base.values)
-            engine = p.engine(f, refs, base.effects, released, channels=base.channels)
-            fitted = self.damping is None
-            zeta = p.damping.ratio(f, base.zeta) if fitted else np.full(len(f), self.damping)
-            self._solved[released] = LocalChanges.of(engine, np.array([base.values[r] for r in refs]), zeta)
-        return self._solved[released]
+        if not released:
+            return self._unreleased
+        solved: LocalChanges = self._released.get(released, lambda: self._solved_without(released))
+        return solved
+
+    def _solved_without(self, released: tuple[tuple[str, str], ...]) -> LocalChanges:
+        p, base = self.problem, self.base
+        f, refs = p.data.frequency[self.lines], list(base.values)
+        engine = p.engine(f, refs, base.effects, released, channels=base.channels)
+        fitted = self.damping is None
+        zeta = p.damping.ratio(f, base.zeta) if fitted else np.full(len(f), self.damping)
+        return LocalChanges.of(engine, np.array([base.values[r] for r in refs]), zeta)
 
 
 def n_lines(problem: Any) -> int:

@@ -13,6 +13,8 @@ MOST_STEPS, MOST_HALVES = 12, 6
 """Steps to the most probable unknowns of a quadratic model, and halves of a step that goes too far."""
 SETTLED = 1e-3
 """The steps end when the negative log posterior falls by less than this."""
+ROUNDING = 1e-12
+"""A model that is less probable than this adds nothing to a mixture."""
 
 
 def log_evidence(
@@ -167,5 +169,9 @@ def mixed(each: Sequence[Settled]) -> tuple[float, Floats, Floats]:
     total = float(np.logaddexp.reduce(evidence))
     p = np.exp(evidence - total)
     mean = p @ np.array([s.change for s in each])
-    parts = [np.linalg.inv(s.curvature) + np.outer(s.change - mean, s.change - mean) for s in each]
-    return total - float(np.log(len(each))), mean, np.tensordot(p, np.array(parts), axes=1)
+    covariance = np.zeros_like(each[0].curvature)
+    for weight, s in zip(p, each, strict=True):
+        if weight > ROUNDING:
+            apart = s.change - mean
+            covariance += weight * (np.linalg.inv(s.curvature) + np.outer(apart, apart))
+    return total - float(np.log(len(each))), mean, covariance

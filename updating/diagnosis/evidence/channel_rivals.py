@@ -5,7 +5,7 @@ from dataclasses import replace
 from updating.diagnosis.evidence.diagnosis import Searched
 from updating.diagnosis.evidence.hypothesis import ScoredFit, key_of, values_of
 from updating.diagnosis.evidence.readings import log_prior
-from updating.diagnosis.evidence.search import Search
+from updating.diagnosis.evidence.search import BEAM_NATS, Search
 from updating.inference.fit import FitProblem
 from updating.quality.channel_faults import CORRECTED_KINDS, channel_faults
 from updating.quality.corrections import Fault, corrected
@@ -42,8 +42,13 @@ def _without(done: Searched[FitProblem], name: str) -> Searched[FitProblem] | No
     return _corrected(done, h, faults) if faults else None
 
 
-def _corrected(done: Searched[FitProblem], h: ScoredFit, faults: tuple[Fault, ...]) -> Searched[FitProblem]:
-    """Return a search of data corrected for faults that has fitted a hypothesis, and nothing, to them."""
+def _corrected(
+    done: Searched[FitProblem], h: ScoredFit, faults: tuple[Fault, ...]
+) -> Searched[FitProblem] | None:
+    """Return a search of data corrected for faults that has fitted a hypothesis, and nothing, to them.
+
+    None where a quick fit of the hypothesis is far behind what was found.
+    """
     one = done.search
     problem = one.fits.problem
     search = Search(
@@ -58,6 +63,10 @@ def _corrected(done: Searched[FitProblem], h: ScoredFit, faults: tuple[Fault, ..
         budget=one.budget,
     )
     near = ScoredFit(replace(h.fitted, channels=h.fitted.channels[:0]), h.prior)
+    quick = search.fits.quickly(search.fits.free(near), near, h.effects, values_of(h.effects))
+    # All lines seldom add to it what separates a beam.
+    if quick.score < done.best.score - 2 * BEAM_NATS:
+        return None
     search.full((), (), near if not h.effects else None)
     fitted = search.full(h.effects, values_of(h.effects), near)
     others = (replace(done, otherwise=()), *done.otherwise)

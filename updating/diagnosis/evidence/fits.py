@@ -19,6 +19,7 @@ from updating.inference.fit_result import FitResult
 from updating.inference.fitting import FULL_LINES, QUICK_LINES, QUICK_NATS, fit, scattered
 from updating.inference.parameters import Nuisance
 from updating.inference.problem import Problem
+from updating.inference.solve import TOLERANCE
 
 SHORT_STEPS, QUICK_STEPS, MOST_STEPS = 2, 6, 16
 """Steps of first, short fits in each band, of those that go on from them, and of those that must converge."""
@@ -196,15 +197,32 @@ class Fits(Generic[P]):
         ``anew`` the better of both is fitted on: near there it may have bent before the effects were right.
         """
         problem = with_forces(self.problem, effects, values)
+        last = problem.stages[-1:]
         ways: list[dict[str, Any]] = [{}] if near is None or anew else []
         if near is not None:
-            ways.append({"stages": problem.stages[-1:], "x_from": near.fitted})
-        fits = [self._where_it_is(problem, effects, values, **way) for way in ways]
-        return self.scattered(problem, max(fits, key=lambda h: h.fitted.log_evidence))
+            ways.append({"stages": last, "x_from": near.fitted})
+        # The fit with small deviations goes on from here, and moves all by more than a last step.
+        fits = [self._where_it_is(problem, effects, values, tolerance=QUICK_NATS, **way) for way in ways]
+        best = max(fits, key=lambda h: h.fitted.log_evidence)
+        ended = self.scattered(problem, best)
+        if ended.fitted is not best.fitted:
+            return ended
+        return self._where_it_is(
+            problem, best.effects, values_of(best.effects), stages=last, x_from=best.fitted
+        )
 
-    def _where_it_is(self, problem: P, effects: Sequence[Effect], values: Values, **way: Any) -> ScoredFit:
+    def _where_it_is(
+        self,
+        problem: P,
+        effects: Sequence[Effect],
+        values: Values,
+        *,
+        tolerance: float = TOLERANCE,
+        **way: Any,
+    ) -> ScoredFit:
         """Return a fit, on a basis for the places to which it moves effects."""
-        h = self._fit(problem, effects, values, **self._all_lines, **way)
+        how: dict[str, Any] = {"tolerance": tolerance, **self._all_lines}
+        h = self._fit(problem, effects, values, **how, **way)
         if not any(p.position for e in h.effects for p in e.parameters()):
             return h
         # A fit begins again at most so often on the basis of the places that it has found
@@ -214,7 +232,7 @@ class Fits(Generic[P]):
                 break
             problem = there
             again: dict[str, Any] = {"stages": problem.stages[-1:], "x_from": h.fitted}
-            h = self._fit(problem, h.effects, values_of(h.effects), **self._all_lines, **again)
+            h = self._fit(problem, h.effects, values_of(h.effects), **how, **again)
         return h
 
     def scattered(self, problem: P, h: ScoredFit) -> ScoredFit:
@@ -257,13 +275,13 @@ def possible(fits: Iterable[Callable[[], Fit]]) -> list[Fit]:
 
 
 def around(effects: Sequence[Effect], first: int = 0) -> list[Values]:
-    """Return starts at the effects' values but for one positive parameter, some factors off."""
+    """Return starts at the effects' values but for one positive parameter, a factor off."""
     values = values_of(effects)
     starts: list[Values] = []
     for k, e in list(enumerate(effects))[first:]:
         for p in e.parameters():
             # Factors of a found positive parameter at which other maxima are looked for
-            for factor in (0.6, 1.0, 1.6) if p.log else ():
+            for factor in (0.6, 1.6) if p.log else ():
                 moved = {p.name: float(np.clip(factor * p.value, p.lower, p.upper))}
                 starts.append((*values[:k], values[k] | moved, *values[k + 1 :]))
     return starts

@@ -627,10 +627,10 @@ class Search(Generic[P]):
         now, rivals = self.on_few_lines(free, h, others)
         for other in rivals:
             self.say(f"   rival {other.score - now.score:+.1f} {other.name}")
-        # A few steps from what is only alike are not the end.
-        rivals = self.workers.map(
-            _onward, (self.fits, free), [r for r in rivals if r.score > now.score - BEAM_NATS]
-        )
+        # A few steps from what is only alike are not the end; the same effects begin at several values.
+        best_of = {r.key: r for r in sorted(rivals, key=lambda r: r.score)}
+        near = [r for r in best_of.values() if r.score > now.score - BEAM_NATS]
+        rivals = self.workers.map(_onward, (self.fits, free), near)
         # Few lines determine less than all: keep the best alone on the way, and its twins at the end.
         rivals.sort(key=lambda r: -r.score)
         fitted = self.all_full(
