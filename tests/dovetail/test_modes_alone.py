@@ -499,7 +499,7 @@ def test_the_probability_next_to_a_statement_is_that_of_the_statement():
     nothing = told("nothing missing", (), ((mass,), 0.39), ((), 0.26))
     assert probability_text(nothing) == "Probability among all hypotheses: 26\u00a0%"
     assert re.search(r"^Mass: A, and nothing else: 39\s%, too close to decide", probability_details(nothing))
-    change = StateChange("later", np.zeros(2), np.zeros(2), nothing)
+    change = StateChange("later", "", np.zeros(2), np.zeros(2), nothing)
     assert (change.answer, change.probability) == ("nothing", 0.26)
     one = told("effect", (mass,), ((mass, both), 0.55), ((mass,), 0.40))
     assert not one.sure

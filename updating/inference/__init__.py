@@ -21,7 +21,6 @@ if TYPE_CHECKING:
         TWIN_NATS,
         UNSTATED,
     )
-    from updating.inference.calibrated_errors import CalibratedErrors
     from updating.inference.damped import LEAST_INSIDE, Continuation
     from updating.inference.fit_data import MODEL_ERROR, FitData, prepare, sensor_vectors
     from updating.inference.fit_function import ROBUST
