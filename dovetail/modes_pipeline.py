@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.file.contents import StudyContents
+from dovetail.file.contents import StudyContents, measured, without_held_out
 from dovetail.file.measured_modes import MeasuredModes, ShapeLimits
 from dovetail.file.table import StudyError
 from dovetail.frf_modes import ModesInFrfs
@@ -22,6 +22,7 @@ from updating.diagnosis.states import changed_problem
 from updating.inference.formed import formed_mode_problem
 from updating.inference.mode_fit import BAD_PRIOR, ModeProblem
 from updating.inference.mode_targets import ModeTargets
+from updating.inference.preparation import prepared_like
 from updating.measurement.measurement import (
     Measurement,
     sensor_rows,
@@ -29,6 +30,7 @@ from updating.measurement.measurement import (
     with_resting_base,
 )
 from updating.modal.identified_modes import IdentifiedModes
+from updating.quality.faults import corrected
 
 Progress = Callable[[str, float], None]
 
@@ -199,6 +201,37 @@ def modes_in_frfs(study: StudyContents, d: Diagnosis, nominal: Modes, reported: 
         "reported": compare_modes(measured.modes, reported, rows),
     }
     return ModesInFrfs(measured, reported, pairs, comac_of(measured, reported, pairs["reported"], rows))
+
+
+def modes_of_states(
+    study: StudyContents, d: Diagnosis, nominal: Modes, reported: Modes
+) -> tuple[dict[int, float], dict[int, float]] | None:
+    """Return the frequencies measured before and after, by the number of the computed mode [Hz].
+
+    Both are identified in the FRFs as they were measured: those that a search compares have no part that the
+    calibrated model leaves on the baseline. None for one state, or where modes cannot be identified.
+
+    Parameters
+    ----------
+    study : StudyContents
+    d : Diagnosis
+    nominal, reported : Modes
+        Of the calibrated and of the reported model, with a row for every DOF.
+    """
+    if d.baseline is None:
+        return None
+    after = without_held_out(study, measured(study, phases=False)[0])
+    changed = replace(d.problem, data=corrected(prepared_like(d.problem, after, study.band), d.faults))
+    models = with_resting_base(d.problem.reduced.model), d.model
+    out: list[dict[int, float]] = []
+    for problem, model, modes in zip((d.baseline.problem, changed), models, (nominal, reported), strict=True):
+        found = identified_in(problem, **asdict(study.shape_limits))
+        if found is None or not found.found.modes.n_modes:
+            return None
+        known = as_measured(found.found, found.measurement)
+        pairs = compare_modes(known.modes, modes, sensor_rows(model, known.sensors)).pairs
+        out.append({int(j): float(known.modes.frequency[i]) for i, j in pairs})
+    return out[0], out[1]
 
 
 def comac_of(

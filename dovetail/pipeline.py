@@ -19,6 +19,7 @@ from dovetail.modes_pipeline import (
     diagnose_study_modes,
     first_state,
     modes_in_frfs,
+    modes_of_states,
     targets_of,
 )
 from dovetail.result import (
@@ -239,6 +240,7 @@ def _compared_frfs(study: StudyContents, d: Diagnosis, say: Progress) -> dict[st
         "modes": pair_modes(nominal, fitted, d.model.mesh.n_points),
     }
     say(f"{WRITING}: identifying modes in the FRFs", 0.3)
+    more["states"] = modes_of_states(study, d, nominal, fitted)
     return more | {"identified": modes_in_frfs(study, d, nominal, fitted)}
 
 

@@ -1,5 +1,6 @@
 """The result of a run: the object, and its form as ``result.json`` and ``frf.npz``; see docs/result.md."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
@@ -197,6 +198,9 @@ class RunResult(Generic[V]):
         Modes in the measured FRFs beside computed ones, of a study that has no measured modes.
     excluded : Plan or None
         What data in which nothing is missing would have shown.
+    states : (dict, dict) or None
+        Of two states by FRFs, the frequencies measured before and after, by the number of the mode of the
+        calibrated and of the reported model [Hz].
     reported : ReportedModes or None
         Modes of the reported model, of a diagnosis by modes alone.
     """
@@ -214,6 +218,7 @@ class RunResult(Generic[V]):
     measured_modes: ModeTable | None = None
     identified: "ModesInFrfs | None" = None
     excluded: Plan | None = None
+    states: tuple[Mapping[int, float], Mapping[int, float]] | None = None
     reported: ReportedModes | None = None
 
     def __repr__(self) -> str:
@@ -568,6 +573,7 @@ def _compared_frfs(result: RunResult[Verdict], d: Diagnosis) -> dict[str, Any]:
                 "nominal_damping": m.nominal_zeta,
                 "fitted_damping": m.fitted_zeta,
                 "mac": m.mac,
+                **_measured_in_states(result, m),
             }
             for m in result.modes
         ],
@@ -575,6 +581,15 @@ def _compared_frfs(result: RunResult[Verdict], d: Diagnosis) -> dict[str, Any]:
         **({} if result.identified is None else {"identified_modes": result.identified.rows()}),
         "misfit": localisation_dict(result.localisation) if result.localisation else None,
     }
+
+
+def _measured_in_states(result: RunResult[Verdict], m: FittedModePair) -> dict[str, float]:
+    """Return the frequencies of a mode measured before and after; nothing for one state."""
+    if result.states is None:
+        return {}
+    before, after = result.states
+    keys = ("measured_before_Hz", before.get(m.nominal_index)), ("measured_after_Hz", after.get(m.index))
+    return {key: math.nan if f is None else f for key, f in keys}
 
 
 def localisation_dict(where: Localisation) -> dict[str, Any]:

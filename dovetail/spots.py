@@ -13,7 +13,7 @@ from fem.model import Effect, Model
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spot:
+class MeshSpot:
     """Where an effect at one place is.
 
     Attributes
@@ -78,7 +78,7 @@ class Spot:
         }
 
 
-def spot_of(effect: Effect, model: Model) -> Spot | None:
+def spot_of(effect: Effect, model: Model) -> MeshSpot | None:
     """Return the spot of an effect at one place; None of one at several places or none."""
     from fem.effects.giving_way import turning_axis  # what needs no report loads no kinds of effects
 
@@ -94,7 +94,9 @@ def spot_of(effect: Effect, model: Model) -> Spot | None:
     ends = [] if "member" in effect.where else _ends_at(mesh, xyz, reach)
     axis = turning_axis(effect, model)
     axis = None if axis is None else np.asarray(axis, dtype=float)
-    return Spot(np.asarray(xyz, dtype=float), *_numbers_at(mesh.numbers, xyz, reach), (*named, *ends), axis)
+    return MeshSpot(
+        np.asarray(xyz, dtype=float), *_numbers_at(mesh.numbers, xyz, reach), (*named, *ends), axis
+    )
 
 
 def _numbers_at(

@@ -78,6 +78,11 @@ class Scene:
         """Return the step towards the eye that keeps edges in front of their surfaces [m]."""
         return 3e-4 * float(np.ptp(self.bounds[0], axis=0).max()) * self.axes[2]
 
+    @property
+    def before_all(self) -> Floats:
+        """Return the step towards the eye that puts arrows in front of all members [m]."""
+        return 1.5 * float(np.linalg.norm(np.ptp(self.bounds[0], axis=0))) * self.axes[2]
+
     # ------------------------------------------------------------------------------------- contents
 
     def add_surface(self, surface: Surface, vertices: Floats, rgb: Floats | None = None) -> None:
@@ -117,6 +122,8 @@ class Scene:
             return
         rgb = np.broadcast_to(to_rgb(colour) if isinstance(colour, str) else colour, (len(pointers.tail), 3))
         mesh = arrow_mesh(pointers, radius, rgb, balls)
+        # in front of everything: along the eye's direction a parallel projection moves nothing
+        mesh.points = np.asarray(mesh.points) + self.before_all
         self.actors.append((mesh, {"scalars": "rgb", "rgb": True, "ambient": 0.55, "diffuse": 0.6}))
         self.bounds += [pointers.tail, pointers.tip]
 

@@ -31,7 +31,7 @@ def run(options: Options, progress: Progress) -> Answer:
     """Return the missing effects and the ranking of all candidates."""
     from dovetail import pipeline, result
     from dovetail.modes_pipeline import by_modes
-    from dovetail.report import planning
+    from dovetail.report import planning, words
     from dovetail.report.sections import rounds
     from updating.diagnosis.verdict import UNFINISHED
     from updating.inference.workers import cores
@@ -41,7 +41,8 @@ def run(options: Options, progress: Progress) -> Answer:
     with progress.ending_early():
         found = pipeline.diagnose_any(study, progress, options.processes or cores(), options.budget)
     modes = pipeline.measured_modes(found) if result.by_frfs(found) else found.modes
-    known = [f"{study.name}: {found.verdict}; {found.reason}", *diagnosis_lines(found, modes)]
+    head = [f"{study.name}: {found.verdict}; {found.reason}", words.headline(found)]
+    known = [*head, *diagnosis_lines(found, modes)]
     progress.close()
     show_now(options, known)
     beyond = pipeline.excluded(study, found, progress)

@@ -20,20 +20,26 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
 
 def run(options: Options, progress: Progress) -> Answer:
     """Read the report of a run and write it for other programs."""
-    from dovetail.report.outline import read_outline
+    from dovetail.report.outline import OutlinePicture, read_outline
     from dovetail.report.slides import write_pptx
     from dovetail.report.word import write_docx
     from dovetail.result import REPORT
+    from fem.summary import counted
 
-    wanted = (("--docx", options.docx, write_docx), ("--pptx", options.pptx, write_pptx))
-    if not any(path for _, path, _ in wanted):
+    wanted = (
+        ("--docx", options.docx, write_docx, "Word document"),
+        ("--pptx", options.pptx, write_pptx, "PowerPoint slides"),
+    )
+    if not any(path for _, path, *_ in wanted):
         msg = "nothing to write; give --docx FILE, --pptx FILE or both"
         raise OutputError(msg)
     page = InputFile(options.folder / REPORT, "the report")
-    check_outputs((page,), *(Output(option, path) for option, path, _ in wanted))
+    check_outputs((page,), *(Output(option, path) for option, path, *_ in wanted))
     outline = read_outline(options.folder)
-    files = [(path, write) for _, path, write in wanted if path]
-    for path, write in files:
+    files = [(path, write, what) for _, path, write, what in wanted if path]
+    for path, write, _ in files:
         progress(f"writing {path.name}")
         write(outline, path)
-    return Answer(None, [str(path) for path, _ in files])
+    pictures = sum(isinstance(block, OutlinePicture) for block in outline.blocks())
+    content = f"{counted(len(outline.parts), 'section')}, {counted(pictures, 'picture')}"
+    return Answer(None, [f"{what} of {outline.name}: {path} ({content})" for path, _, what in files])

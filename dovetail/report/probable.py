@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from dovetail.report.words import FAULT_NAMES, as_stiffness, effect_label
 from fem.model import Effect, covers
 from fem.summary import percent
 from updating.diagnosis.evidence.diagnosis import AS_READ, UNKNOWN
-from updating.diagnosis.verdict import UNEXPLAINED, UNFINISHED, Posterior, Verdict
+from updating.diagnosis.verdict import UNEXPLAINED, UNFINISHED, Explanation, Posterior, Verdict
 from updating.inference.belief import RARE, TWIN_NATS
 
 
@@ -133,6 +134,17 @@ def hypotheses(d: Verdict) -> list[tuple[str, float]]:
     """Return the hypotheses in words with their probabilities; none where the search gives none."""
     known = _labels(d)
     return without_rare([(_labelled(known, names), p) for names, p in _merged(d)], reported(d))
+
+
+def most_probable(d: Verdict, number: int) -> tuple[list[Explanation], list[Explanation]]:
+    """Return the most probable explanations, one for an effect at all its positions, and the others."""
+    first: dict[tuple[str, ...], Explanation] = {}
+    for e in d.explanations:  # the most probable position comes first
+        names = tuple(sorted(x.name for x in e.effects)) if e.known else (UNKNOWN,)
+        known = first.get(names)
+        first[names] = e if known is None else replace(known, probability=known.probability + e.probability)
+    every = sorted(first.values(), key=lambda e: -e.probability)
+    return every[:number], every[number:]
 
 
 def without_rare(known: Sequence[tuple[str, float]], kept: int = 0) -> list[tuple[str, float]]:

@@ -378,17 +378,17 @@ def headline(d: Verdict) -> str:
     known = d.every_fault
     faults = " and ".join(map(fault_text, known[:3])) + (" …" if len(known) > 3 else "")
     if d.verdict == EFFECT and is_open(d):
-        what = "Something has changed" if change else "The model lacks something"
+        what = f"Something has changed{states_text(d)}" if change else "The model lacks something"
         return f"{what}. These data leave open which of {len(d.credible)} explanations is right."
     if d.verdict == EFFECT:
-        text = _since(sentences(d.findings), change)
+        text = _since(d, sentences(d.findings))
         if d.images:
             text = f"{text.removesuffix('.')}, {images_text(d)}."
         if by_frfs(d) and d.steps[-1].level > d.limit:
             text += " That explains the misfit only in part."
         return f"{text} In addition, {faults}." if faults else text
     if d.verdict == NOTHING and change:
-        return "Nothing has changed that these data can show."
+        return f"Nothing has changed{states_text(d)} that these data can show."
     if d.verdict == NOTHING and by_frfs(d) and d.more_than_noise:
         return "The model lacks nothing that stands out from the error of beam theory."
     if d.verdict == NOTHING:
@@ -422,8 +422,19 @@ def is_open(d: Verdict) -> bool:
     return d.modes is not None and not d.sure
 
 
-def _since(text: str, change: bool) -> str:
-    return f"Since the baseline: {text[:1].lower()}{text[1:]}" if change else text
+def states_text(d: Verdict) -> str:
+    """Return which states a change lies between, such as `` since the baseline (a → d)``."""
+    names = ""
+    if by_frfs(d) and d.baseline is not None:
+        measured = (problem.data.measurement.name for problem in (d.baseline.problem, d.problem))
+        names = f" ({' → '.join(measured)})"
+    return f" since the baseline{names}"
+
+
+def _since(d: Verdict, text: str) -> str:
+    if d.baseline is None:
+        return text
+    return f"Change{states_text(d)}: {text[:1].lower()}{text[1:]}"
 
 
 def values_found(d: Verdict) -> list[str]:

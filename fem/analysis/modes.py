@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fem.analysis.refined_modes import refined, refined_lowest
 from fem.array_types import Floats
+from fem.lengths import coordinates_text
 from fem.linalg.lanczos import RitzPairs, lowest_eigenpairs, merged
 from fem.linalg.processes import is_chosen, late_factor, lowest_by_processes
 from fem.linalg.solvers import SLEPC, Factor, SingularMatrixError, factorise, one_thread
@@ -467,12 +468,40 @@ def rigid_body_motions(system: System) -> Floats:
     Returns
     -------
     ndarray (n_free, n_rigid)
+
+    Raises
+    ------
+    MechanismError
+        If one of them has no mass, as the turning about its axis of a straight frame of lumped masses.
     """
     allowed = system.rigid
     if allowed.shape[1] == 0:
         return np.zeros((system.n_free, 0))
-    L = np.linalg.cholesky(allowed.T @ (system.M @ allowed))
+    mass = allowed.T @ (system.M @ allowed)
+    values, vectors = np.linalg.eigh(mass)
+    if values[0] <= _ROUNDING * values[-1]:
+        motion = np.asarray(system.Q @ (allowed @ vectors[:, :1]))
+        raise MechanismError(_describe_massless(system, motion[:, 0]), motion / np.abs(motion).max())
+    L = np.linalg.cholesky(mass)
     return np.linalg.solve(L, allowed.T).T
+
+
+def _describe_massless(system: System, motion: Floats) -> str:
+    """Say that a rigid-body motion (n_dof,) has no mass."""
+    mesh = system.model.mesh
+    parts = np.linalg.lstsq(rigid_motions(system.model), motion, rcond=None)[0]
+    moved, turned = parts[:3], parts[3:] / (mesh.size or 1.0)
+    along, how = moved, "moves along"
+    if np.linalg.norm(turned) * mesh.size > 1e-6 * np.linalg.norm(moved):
+        centre = mesh.points.mean(axis=0) + np.cross(turned, moved) / (turned @ turned)
+        along, how = turned, f"turns about the line through {coordinates_text(centre)} along"
+    along = along / np.linalg.norm(along)
+    along = along * np.sign(along[np.argmax(abs(along))])
+    return (
+        f"the structure {how} ({', '.join(f'{x:.3g}' for x in along + 0.0)}) without any resistance and "
+        "without any mass, so it has no modes: give it inertia about that line, or hold it. Bars with lumped "
+        "mass, such as those of a Nastran deck without PARAM,COUPMASS, have no inertia of torsion"
+    )
 
 
 def _describe_unstable(system: System, vectors: Floats) -> str:

@@ -10,7 +10,8 @@ from dovetail import StudyError, load_study
 from dovetail.file import with_paths
 from dovetail.found import found_text
 from dovetail.pipeline import analyse
-from dovetail.report import headline
+from dovetail.report import TableBlock, headline
+from dovetail.report.sections import modes
 from dovetail.result import frf_arrays
 from fem import PointMass
 from fem.io import read_frf, write_npz
@@ -44,7 +45,18 @@ def test_a_change_hidden_by_a_common_error_is_found_and_written(tmp_path):
     study = load_study(path)
     result = analyse(study, out, lambda text, done: None)
     d = result.diagnosis
-    assert headline(result.diagnosis).startswith("Since the baseline: ")
+    assert headline(d).startswith(
+        "Change since the baseline (before.npz → frf.npz): member arm carries a mass"
+    )
+    before, after = result.states
+    measured = {m.index: (before[m.nominal_index], after[m.index]) for m in result.modes if m.index in after}
+    assert len(measured) >= 3
+    for m in result.modes:  # as far as a mass of 4 g moves each mode, whatever the model has wrong in both
+        if m.index in measured:
+            one, two = measured[m.index]
+            assert two / one - 1 == pytest.approx(m.fitted / m.nominal - 1, abs=1e-3)
+    (table,) = (b for b in modes._before_and_after(result) if isinstance(b, TableBlock) and "mode" in b.head)
+    assert table.head[1:3] == ["before [Hz]", "after [Hz]"]
     assert [f.effect.name for f in d.findings] == ["point_mass:arm"]
     values = {p.name: p.value for p in d.findings[0].parameters}
     assert values["mass"] == pytest.approx(0.004, rel=0.1)

@@ -154,11 +154,8 @@ def test_texts_have_values_with_units(study, comparison, found):
     assert "kg" in repr(found.findings[0])
     (effect,) = found.found
     sure, errors = percent(found.reported.probability), " → ".join(f"{s.fit_db:.3g}" for s in found.steps)
-    assert repr(
-        found
-    ) == f"<StudyDiagnosis effect: {effect.name}, probability {sure}; error {errors} dB>".replace(
-        "\u00a0", " "
-    )
+    said = f"effect: {effect.name}, probability of exactly this {sure}; error {errors} dB"
+    assert repr(found) == f"<StudyDiagnosis {said}>".replace("\u00a0", " ")
 
 
 def test_an_effect_of_ones_own_prints_its_parameters():

@@ -33,7 +33,7 @@ from dovetail.report import (
     words,
 )
 from dovetail.report.found_lines import found_lines
-from dovetail.report.sections import rounds, uncertain
+from dovetail.report.sections import explanations, rounds, uncertain
 from dovetail.result import FORM_QUANTITIES, UncertainValue, diagnosis_dict, result_dict
 from dovetail.spots import spot_of, spot_text
 from fem import Frame, Material, MemberProperties, Model, Parameter, PointMass, Section
@@ -396,6 +396,22 @@ def test_parameters_far_from_nominal_are_printed_and_in_json(found, monkeypatch)
     (said,) = diagnosis_dict(found.diagnosis)["uncertain"]
     assert (said["moved"], said["far"]) == (pytest.approx(-2.6), True)
     assert any("E of steel (−2.6)" in line for line in found_lines(found.diagnosis))
+
+
+def test_the_ten_most_probable_explanations_are_ranked_fitted_or_not(found):
+    """However few were fitted: those of a forecast count, too."""
+    d = found.diagnosis
+    table = explanations.ranking(d)
+    assert table.rows[0][2] == "fitted"
+    assert [row[2] for row in table.rows if row[0].startswith("something that")] == [""]
+    searched = d.searched.search
+    forecast = {key for key in searched.promised if key not in searched.known}
+    assert forecast
+    assert {frozenset(e.name for e in x.effects) for x in d.explanations if x.is_forecast} == forecast
+    first, rest = probable.most_probable(d, 3)
+    assert (len(first), sum(e.probability for e in (*first, *rest))) == (3, pytest.approx(1.0))
+    fitted = {frozenset(e.name for e in x.effects) for x in d.explanations if x.known and not x.is_forecast}
+    assert fitted <= set(d.searched.search.known)
 
 
 def test_hypotheses_below_one_per_cent_share_a_row():

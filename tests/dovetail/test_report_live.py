@@ -36,6 +36,7 @@ from tests.frames import beam
 from updating import FAULT, Fault
 from updating.correlation import rms_db
 from updating.diagnosis import modes_of
+from updating.diagnosis.verdict import Explanation
 from viz import displacement_at, frf, ranking
 from viz.curves import frf_curves
 from viz.interactive import draw, model, solids
@@ -199,7 +200,12 @@ def test_probabilities_are_told_where_the_search_gives_them(found, tmp_path):
     assert "How probable" not in report_html(by_hand, Album(tmp_path), figures.make_all(by_hand))
     (finding,) = found.diagnosis.findings
     posterior = (((finding.effect.name,), 0.93), ((), 0.05), (("unknown",), 0.02))
-    sure = replace(found, diagnosis=replace(found.diagnosis, posterior=posterior))
+    told = (
+        Explanation((finding.effect,), (finding.parameters,), 0.93),
+        Explanation((), (), 0.05),
+        Explanation((), (), 0.02, known=False),
+    )
+    sure = replace(found, diagnosis=replace(found.diagnosis, posterior=posterior, explanations=told))
     page = report_html(sure, Album(tmp_path), figures.make_all(sure))
     head, rest = page.split("<main", 1)
     assert "Probability of this effect, alone or with others: 93\u00a0%" in head
@@ -483,7 +489,8 @@ def test_word_tells_the_same_story(folder, found, tmp_path, capsys):
     docx = pytest.importorskip("docx")
     file = tmp_path / "report.docx"
     assert main(["report", str(folder), "--docx", str(file)]) == 0
-    assert capsys.readouterr().out == f"{file}\n"
+    printed = capsys.readouterr().out
+    assert re.fullmatch(rf"Word document of bent <bar>: {file} \(\d+ sections, \d+ pictures?\)\n", printed)
     document = docx.Document(str(file))
     texts = [p.text for p in document.paragraphs]
     assert texts[0] == "bent <bar>"

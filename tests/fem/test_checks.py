@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from fem import (
+    AddedMass,
     Frame,
     Joint,
     MechanismError,
@@ -21,6 +22,7 @@ from fem import (
     solve_modes,
 )
 from fem.lengths import metres_afterwards, show_lengths
+from fem.sections.constants import NO_INERTIA_OF_TORSION
 from tests.frames import FLAT, STEEL, beam, chain, cross_beam, fix, mounted, planar, portal, with_part
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
@@ -180,6 +182,26 @@ def test_a_mechanism_comes_with_its_motions():
     with pytest.raises(MechanismError) as error:
         solve_modes(system)
     np.testing.assert_array_equal(error.value.motions, fault.motions)
+
+
+def test_a_straight_frame_of_lumped_masses_turns_without_mass():
+    """About its axis; a rotary inertia there is all that it lacks."""
+    x = np.linspace(1.0, 2.0, 4)
+    mesh = Mesh.from_lines(np.c_[x, 2 * x, 0 * x], [[0, 1], [1, 2], [2, 3]], {"bar": range(3)})
+    section = replace(FLAT, Ip=NO_INERTIA_OF_TORSION * (FLAT.Iy + FLAT.Iz))  # as of a CBAR
+    bar = MemberProperties(STEEL, section, mass="lumped-slender")
+    model = Model(mesh, (Frame(members={"bar": bar}),))
+    fault = check_model(model)[0]
+    assert fault.kind == "mechanism"
+    assert "turns about the line through (1.5, 3, 0) m along (0.447, 0.894, 0)" in fault.message
+    assert "without any mass" in fault.message
+    at = fault.motions[:, 0].reshape(-1, 6)
+    np.testing.assert_allclose(at[:, :3], 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.cross(at[:, 3:], [1.0, 2.0, 0.0]), 0.0, atol=1e-9)
+    with pytest.raises(MechanismError, match="without any mass"):
+        solve_modes(assemble(model), n=3)
+    held = model.with_effect(AddedMass(name="disc", point=0, mass=0.1, inertia=1e-3 * np.eye(3)))
+    assert "mechanism" not in kinds(check_model(held))
 
 
 def test_a_mechanism_beside_a_support():

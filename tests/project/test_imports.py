@@ -36,7 +36,7 @@ MAY_IMPORT = {
     "compare": """
         dovetail.notebook.comparison
         dovetail.found dovetail.frf_modes dovetail.modes_pipeline dovetail.pipeline dovetail.result
-        dovetail.report.probable dovetail.report.words
+        dovetail.report.probable dovetail.report.words dovetail.spots
         updating.diagnosis updating.forecast updating.least_squares updating.modal updating.plan
         fem.reduction
         scipy.spatial scipy.special scipy.constants

@@ -31,6 +31,7 @@ from tests.frames import beam, chain, fix, with_part
 from updating import Sensor
 from viz import animation, render, shapes, style
 from viz.markers import COLOURS, SHAPES, support_axes
+from viz.models import model_surface
 from viz.overlay import Mark, draw_marks
 from viz.scene import DPI, Scene
 from viz.shapes import view_axes
@@ -116,6 +117,23 @@ def test_mode_picture_is_coloured_by_displacement_and_has_measured_arrows(cross,
     left = without[:, : int(0.85 * without.shape[1])]
     hue = np.concatenate([left[..., k] - left[..., (k + 1) % 3] for k in range(3)])
     assert np.ptp(hue) > 150  # from violet to yellow on the structure itself, without the colour bar
+
+
+def test_arrow_behind_a_member_is_seen_where_the_projection_puts_it(cross):
+    """Its middle is half a diameter behind the axis, as of a force that pushes a member from below."""
+    model, *_ = cross
+    surface = model_surface(model)
+    scene = Scene(surface.rest)
+    scene.add_surface(surface, surface.rest, rgb=np.full((len(surface.triangles), 3), 0.8))
+    middle = model.mesh.points[model.mesh.member_points(next(iter(model.mesh.members)))].mean(axis=0)
+    middle = middle - 0.05 * scene.axes[2]
+    half = 0.02 * scene.axes[1]
+    scene.add_arrows(shapes.Arrows((middle - half)[None], (middle + half)[None]), style.EXCITATION, 0.003)
+    with scene.open() as stage:
+        picture = stage.photograph()
+    x, y = scene.view().project(middle)[0].astype(int)
+    red, _, blue = picture[y, x].astype(int)
+    assert red - blue > 60
 
 
 def test_mode_title_names_rigid_modes_frequency_and_damping(cross):

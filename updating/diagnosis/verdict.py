@@ -43,12 +43,15 @@ class Explanation:
     probability : float
     known : bool
         False for what the library does not have.
+    is_forecast : bool
+        Whether no fit has tried it: values and probability are those of its forecast.
     """
 
     effects: tuple[Effect, ...]
     parameters: tuple[tuple[EffectParameter, ...], ...]
     probability: float
     known: bool = True
+    is_forecast: bool = False
 
     def __repr__(self) -> str:
         """Return effects and probability on one line."""
@@ -252,8 +255,14 @@ def posterior_of(done: Searched) -> Posterior:
 
 def explanations_of(done: Searched) -> tuple[Explanation, ...]:
     """Return the hypotheses of a search and the unknown cause, the most probable first."""
+    fitted = {id(h) for h in done.hypotheses}
     out = [
-        Explanation(h.effects, tuple(parameters_of(e, h.fitted) for e in h.effects), p)
+        Explanation(
+            h.effects,
+            tuple(parameters_of(e, h.fitted) for e in h.effects),
+            p,
+            is_forecast=id(h) not in fitted,
+        )
         for h, p in _weighed(done)
     ]
     out.append(Explanation((), (), done.unknown_probability, known=False))

@@ -3,11 +3,11 @@
 from typing import TYPE_CHECKING
 
 from dovetail.report.blocks import Block, Heading, TableBlock, Text
-from dovetail.report.probable import hypotheses, probability_details, reported
+from dovetail.report.probable import hypotheses, most_probable, probability_details, reported
 from dovetail.report.table import Column, Table
 from dovetail.report.words import explanation_text
 from fem.summary import percent
-from updating.diagnosis.verdict import Verdict
+from updating.diagnosis.verdict import Explanation, Verdict
 
 if TYPE_CHECKING:
     from dovetail.report.shown import Shown
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 MOST_PRINTED = 12
 """Explanations that are printed."""
+N_RANKED = 10
+"""Rows of a page's ranking before that of all others."""
 
 
 def table(d: Verdict) -> Table:
@@ -58,10 +60,23 @@ def page(d: Verdict, shown: "Shown") -> list[Block]:
         "Probability of each hypothesis, that exactly its effects are missing, by the data and the priors. "
         "All of them together have 100 %.",
     )
-    rows = [[name, percent(p)] for name, p in known]
-    every = TableBlock(["hypothesis", "probability of exactly this"], rows, numbers=(1,), at_most=8)
     more = [Text(f"{text}.")] if (text := probability_details(d)) else []
-    return [Heading("How probable"), *more, drawn, every]
+    return [Heading("How probable"), *more, drawn, ranking(d)]
+
+
+def _how(e: Explanation) -> str:
+    return "" if not e.known else "forecast" if e.is_forecast else "fitted"
+
+
+def ranking(d: Verdict) -> TableBlock:
+    """Return the most probable explanations, fitted or forecast, and the probability of all others."""
+    first, rest = most_probable(d, N_RANKED)
+    rows = [[explanation_text(e, d.model), percent(e.probability), _how(e)] for e in first]
+    if rest:
+        rows.append([f"{len(rest)} others, together", percent(sum(e.probability for e in rest)), ""])
+    caption = "The most probable explanations; forecast are values and probabilities that no fit has tried."
+    head = ["explanation", "probability of exactly this", "by"]
+    return TableBlock(head, rows, numbers=(1,), caption=caption)
 
 
 def figure(d: Verdict) -> "Chart | None":

@@ -1,8 +1,8 @@
 """Measured modes beside those of the nominal, the fitted and the reported model."""
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from dovetail.report.shown import Shown
     from viz.chart import Chart
 
+Pair: TypeAlias = tuple[float, float]
+"""Frequencies before and after [Hz]."""
 DEVIATIONS = (
     "Computed less measured natural frequencies, mode by mode. The bars around zero are two standard "
     "deviations of the measurement."
@@ -123,16 +125,23 @@ def _states(result: RunResult[Verdict], m: ModeTable) -> TableBlock | None:
     if not by_modes_alone(d) or d.baseline is None or given is None:
         return None
     first, numbers = d.baseline, d.problem.computed(d.final.fitted).partner
-    rows = []
+    rows: list[tuple[int, Pair, Pair]] = []
     for k, after in enumerate(given.modes.frequency):
         (same,) = np.nonzero((first.computed.partner == numbers[k]) & (numbers[k] >= 0))
         before, model = math.nan, math.nan
         if same.size:
             before = float(first.problem.targets.frequency[same[0]])
             model = float(first.computed.frequency[same[0]])
-        pairs = (before, float(after)), (model, float(m.found[k]))
-        cells_of = [[*(cells.number(f, 5) for f in pair), cells.shift(*pair)] for pair in pairs]
-        rows.append([k + 1, *cells_of[0], *cells_of[1]])
+        rows.append((k + 1, (before, float(after)), (model, float(m.found[k]))))
+    return states_table(rows)
+
+
+def states_table(modes: Iterable[tuple[int, Pair, Pair]]) -> TableBlock:
+    """Return the table of number, measured frequencies, and those of models, each before and after [Hz]."""
+    rows = [
+        [k, *(cell for pair in pairs for cell in (*(cells.number(f, 5) for f in pair), cells.shift(*pair)))]
+        for k, *pairs in modes
+    ]
     head = ["mode", "before [Hz]", "after [Hz]", "change [%]"]
     head += ["model before [Hz]", "model after [Hz]", "model's change [%]"]
     caption = "Natural frequencies before and after, as measured and of the models"

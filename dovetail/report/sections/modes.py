@@ -1,5 +1,6 @@
 """Natural frequencies and mode shapes, measured, before and after."""
 
+import math
 from dataclasses import replace
 
 from dovetail.report import cells
@@ -39,8 +40,10 @@ def _before_and_after(result: RunResult[Verdict]) -> list[Block]:
         change, mac = cells.shift(m.nominal, m.fitted), cells.decimals(m.mac, 3)
         damping = (cells.number(100 * zeta, 3) for zeta in (m.nominal_zeta, m.fitted_zeta))
         rows.append([k, cells.number(m.nominal, 5), cells.number(m.fitted, 5), change, *damping, mac])
-    head = ["elastic mode", "nominal [Hz]", "fitted [Hz]", "change [%]"]
-    head += ["damping nominal [%]", "damping fitted [%]", "MAC [-]"]
+    two = result.diagnosis.baseline is not None
+    first, last = ("before", "after") if two else ("nominal", "fitted")
+    head = ["elastic mode", f"{first} [Hz]", f"{last} [Hz]", "change [%]"]
+    head += [f"damping {first} [%]", f"damping {last} [%]", "MAC [-]"]
     what = " and found effects" if result.diagnosis.findings else ""
     grows = (
         " A frequency below zero is that of a motion that grows: members are under more compression than "
@@ -48,12 +51,29 @@ def _before_and_after(result: RunResult[Verdict]) -> list[Block]:
         if any(f < 0 for m in result.modes for f in (m.nominal, m.fitted))
         else ""
     )
+    start = "calibrated" if two else "nominal"
     text = (
-        f"Undamped modes in the band, of the nominal model and of that with fitted parameters{what}, "
+        f"Undamped modes in the band, of the {start} model and of that with fitted parameters{what}, "
         "paired by their shapes. Damping is the fitted curve and the part of local dampers in each "
         f"mode.{grows}"
     )
-    return [Text(text), TableBlock(head, rows, numbers=range(7), at_most=15)]
+    return [*_states(result), Text(text), TableBlock(head, rows, numbers=range(7), at_most=15)]
+
+
+def _states(result: RunResult[Verdict]) -> list[Block]:
+    """Return the frequencies identified in the FRFs of two states beside those of the models."""
+    if result.states is None:
+        return []
+    before, after = result.states
+    modes = [
+        (
+            k,
+            (before.get(m.nominal_index, math.nan), after.get(m.index, math.nan)),
+            (m.nominal, m.fitted),
+        )
+        for k, m in enumerate(result.modes, 1)
+    ]
+    return [measured_modes.states_table(modes)]
 
 
 def shapes(shown: Shown, arrows: str = "") -> list[Block | None]:
