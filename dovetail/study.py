@@ -29,7 +29,7 @@ from dovetail.file.settings import N_BANDS
 from dovetail.file.table import StudyError, StudyFileError, suggest
 from dovetail.file.writing import rebased_values
 from dovetail.notebook.responses import StudyFRF
-from dovetail.report.html import inner, table
+from dovetail.report.html_table import inner, table
 from fem.analysis.frf import FRFKind
 from fem.analysis.loads import LoadCase
 from fem.analysis.modes import Modes, first_modes

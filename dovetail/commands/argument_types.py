@@ -125,9 +125,11 @@ def positive(text: str) -> float:
 def share(text: str) -> float:
     """Read a share: below 1, or in per cent with the sign for it."""
     number, sign, rest = text.strip().partition("%")
-    value = positive(number.strip()) / (100 if sign else 1)
-    if rest or value >= 1:
-        hint = "" if sign else f"; if {value:g} per cent is meant, write {value:g}%"
+    value = math.nan
+    with suppress(argparse.ArgumentTypeError):
+        value = positive(number.strip()) / (100 if sign else 1)
+    if rest or not value < 1:
+        hint = f"; if {value:g} per cent is meant, write {value:g}%" if value >= 1 and not sign else ""
         msg = f"'{text}' is not allowed; a share is needed, such as 1% or 0.01{hint}"
         raise argparse.ArgumentTypeError(msg)
     return value

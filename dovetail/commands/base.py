@@ -18,6 +18,7 @@ from dovetail.study import Study
 from fem.analysis.base_excitation import Motion, compute_base_frf
 from fem.analysis.frf import FRF
 from fem.analysis.selection import Selection
+from fem.directions import directions_from
 from fem.io import write_csv, write_npz
 from fem.system import assemble
 from updating.measurement.measurement import sensor_rows
@@ -40,8 +41,8 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="DIRECTION",
-        help="x y z rx ry rz of all supports together, or SUPPORT:DIRECTION of one alone (default: z); "
-        "repeatable",
+        help="x y z rx ry rz of all supports together, such as xyz, or SUPPORT:DIRECTION of one alone "
+        "(default: z); repeatable",
     )
     p.add_argument(
         "--relative", action="store_true", help="responses relative to the slow motion of the base"
@@ -121,8 +122,12 @@ def run(options: Options, progress: Progress) -> Answer:
 
 def _motions(options: Options) -> list[Motion]:
     """Return the motions asked for: directions of the whole base, or supports and their directions."""
-    pairs = [(text, *text.rpartition(":")) for text in options.motion or ["z"]]
-    return [(name, direction) if colon else text for text, name, colon, direction in pairs]
+    pairs = [text.rpartition(":") for text in options.motion or ["z"]]
+    return [
+        (name, direction) if colon else direction
+        for name, colon, words in pairs
+        for direction in directions_from(words, "--motion")
+    ]
 
 
 def _frf(

@@ -119,8 +119,8 @@ class Results:
 
 
 def _in_folder(name: str) -> Callable[[str], Path]:
-    """Return a reader of a file's path, which has a name in a folder that exists."""
-    return lambda text: Path(text) / name if Path(text).is_dir() else Path(text)
+    """Return a reader of a file's path, which has a name in a folder: one that exists, or without suffix."""
+    return lambda text: Path(text) / name if Path(text).is_dir() or not Path(text).suffix else Path(text)
 
 
 def write_motions(

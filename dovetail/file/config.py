@@ -246,10 +246,16 @@ def _suspicion(text: str, reason: str) -> str:
     """Return what is probably wrong where a TOML text cannot be read; nothing without a suspicion."""
     found = re.search(r"at line (\d+), column (\d+)", reason)
     line = text.splitlines()[int(found[1]) - 1] if found else ""
-    number = re.search(r"=\s*([+-]?\d+,\d+)", line.partition("#")[0])
+    given = line.partition("#")[0]
+    number = re.search(r"=\s*([+-]?\d+,\d+)", given)
     if number is not None:
         decimal = number[1].replace(",", ".")
         return f"; is '{number[1]}' a number with a decimal comma? TOML has points, {decimal}"
+    if escaped := re.search(r'"([^"]*\\[^"]*)"', given):
+        return f"; a backslash in double quotes begins an escape: write '{escaped[1]}' in single quotes"
+    value = r"=\s*[+-]?\d[\d._]*(?:[eE][+-]?\d+)?"
+    if unit := re.search(rf"{value}\s*(?![eE\d])([A-Za-zµ°%][^\s,]*)\s*$", given):
+        return f"; numbers stand without a unit: convert the value to SI units, and leave '{unit[1]}' out"
     bare = re.match(r"[^\s,\]}\"'#][^,\]}\"'#]*", line[int(found[2]) - 1 :]) if found else None
     if "Illegal character '\\n'" in reason:
         return "; a text needs its closing quote on the same line"
@@ -260,7 +266,7 @@ def _suspicion(text: str, reason: str) -> str:
         return f"; TOML writes {word.replace('.', '0.', 1)}"
     if word.lower() in ("true", "false", "inf", "nan"):
         return f"; TOML writes {word.lower()}"
-    return f'; texts stand in quotes: "{word}"'
+    return "; texts stand in quotes: " + (f"'{word}'" if "\\" in word else f'"{word}"')
 
 
 def _refuse_deck(text: str, name: str) -> None:

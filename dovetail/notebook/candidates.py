@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any, SupportsIndex, overload
 
 from dovetail.file.table import suggest
-from dovetail.report.html import table
+from dovetail.report.html_table import table
 from fem.analysis.frf import imported
 from fem.declarations import Entry
 from fem.model import Effect, ModelError, Parameter

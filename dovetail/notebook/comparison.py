@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.report.html import inner, number, table
+from dovetail.report.html_table import inner, number, table
 from dovetail.report.printed import Printed
 from dovetail.report.table import Column, Table, columns_of_bands
 from dovetail.result import bands_of_lines, least_frac

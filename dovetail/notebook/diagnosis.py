@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from dovetail.report import words
 from dovetail.report.found_lines import found_lines
-from dovetail.report.html import table
+from dovetail.report.html_table import table
 from dovetail.report.sections import explanations, measured_modes, rounds, staircase
 from fem.analysis.frf import imported
 from updating.diagnosis import diagnose, mode_diagnosis

@@ -11,6 +11,7 @@ def found_lines(d: Verdict) -> list[str]:
     out = []
     for k, f in enumerate(d.findings):
         out.append(f"  {words.finding_text(f)}")
+        out += [f"    {text}" for text in (words.compliance_text(f),) if text]
         out += [f"    {spot}" for spot in (words.spot_text(f.effect, d.model),) if spot]
         if f.alternatives:
             names = "; ".join(map(words.ranked_label, f.alternatives))

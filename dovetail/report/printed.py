@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 
-from dovetail.report.html import table
+from dovetail.report.html_table import table
 from dovetail.report.table import Table
 
 

@@ -3,13 +3,12 @@
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 from dovetail.result import ADDED, RunResult, UncertainValue, added_parameters, by_frfs
 from dovetail.spots import axis_text, spot_label, spot_text
 from fem.declarations import Site
 from fem.lengths import shown_length
-from fem.model import DIRECTIONS, Effect, Model, Parameter, inverse, reciprocal_form
+from fem.model import DIRECTIONS, Effect, Model, Parameter, inverse
 from fem.summary import percent
 from updating.diagnosis.candidates import unstated
 from updating.diagnosis.departures import Departure
@@ -102,18 +101,8 @@ def with_unit(
 
 def as_stiffness(p: EffectParameter) -> EffectParameter:
     """Return a compliance as a stiffness; others as they are."""
-    other = reciprocal(p) if p.name == "compliance" else None
+    other = p.reciprocal if p.name == "compliance" else None
     return p if other is None else other
-
-
-def reciprocal(p: EffectParameter) -> EffectParameter | None:
-    """Return a parameter x as 1/x with the standard deviation s/x²; None where it has no such form."""
-    form = reciprocal_form(p.name, p.unit)
-    if form is None:
-        return None
-    std = p.std / p.value**2 if p.value and math.isfinite(p.value) else math.nan
-    scale = {"linear": "reciprocal", "reciprocal": "linear"}.get(p.scale, p.scale)
-    return replace(p, name=form[0], value=inverse(p.value), unit=form[1], std=std, scale=scale)
 
 
 def absent_value(p: Parameter) -> float:
@@ -222,6 +211,12 @@ def finding_text(finding: Finding) -> str:
     known = {p.name: p for p in finding.effect.parameters()}
     values = ", ".join(parameter_text(p, known.get(p.name)) for p in finding.parameters)
     return f"{effect_label(finding.effect.kind, finding.effect.where)}, {values}"
+
+
+def compliance_text(finding: Finding) -> str:
+    """Return a found stiffness as a compliance; empty of an effect without one."""
+    form = finding.compliance
+    return f"as a compliance: {fitted_text(form)}" if form is not None and form.value else ""
 
 
 def added_text(effect: Effect, fit: FitResult | None) -> str:

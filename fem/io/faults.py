@@ -44,7 +44,9 @@ def existing(path: str | os.PathLike[str]) -> Path:
 
 def no_file(path: Path) -> str:
     """Return that there is no such file, the folder searched, and files there of like names."""
-    return f"there is no file '{path.name}' in {_searched(path)}"
+    escapes = "; a backslash in double quotes begins an escape: write / in place of it, or single quotes"
+    hint = "" if path.name.isprintable() else escapes
+    return f"there is no file {ascii(path.name) if hint else repr(path.name)} in {_searched(path)}{hint}"
 
 
 def _searched(path: Path) -> str:

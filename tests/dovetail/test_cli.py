@@ -35,6 +35,11 @@ COMMANDS = ("new", "check", "modes", "frf", "report", "identify-joint")
         ("E = .5", "TOML writes 0.5"),
         ("E = -.5e9 # Pa", "TOML writes -0.5e9"),
         ('material = "steel', "a text needs its closing quote"),
+        ("E = 210 GPa", "numbers stand without a unit"),
+        ("E = 210e9 Pa # of the deck", "leave 'Pa' out"),
+        ("file = C:\\mesh\\frame.msh", r"texts stand in quotes: 'C:\mesh\frame.msh'"),
+        ('file = "C:\\mesh.msh"', "a backslash in double quotes begins an escape"),
+        ('[mesh]\nfile = "a\\temp.msh"', "write / in place of it"),
     ],
 )
 def test_texts_without_quotes_are_suspected(tmp_path, capsys, line, hint):
@@ -47,9 +52,9 @@ def test_a_share_is_a_number_below_one_or_in_per_cent(text, value):
     assert share(text) == pytest.approx(value)
 
 
-@pytest.mark.parametrize("text", ["1", "5", "-1%", "1%%", "much", "500%", "100%"])
+@pytest.mark.parametrize("text", ["0", "1", "5", "-1%", "1%%", "much", "500%", "100%", "1,5%"])
 def test_a_share_that_could_be_per_cent_is_refused(text):
-    with pytest.raises(argparse.ArgumentTypeError, match=r"such as 1% or 0\.01|a positive number"):
+    with pytest.raises(argparse.ArgumentTypeError, match=r"a share is needed, such as 1% or 0\.01"):
         share(text)
 
 
@@ -62,6 +67,14 @@ def test_a_picture_goes_into_a_folder_under_the_commands_name(portal, tmp_path):
     lines = ["--start", "10", "--stop", "60", "--step", "5"]
     assert main(["base", str(portal), *lines, "--picture", str(tmp_path), "--quiet"]) == 0
     assert (tmp_path / "base.png").stat().st_size > 0
+
+
+def test_the_base_moves_along_several_axes(portal, tmp_path):
+    lines = ["--start", "10", "--stop", "60", "--step", "5", "--quiet"]
+    every = [*("--motion", "x"), *("--motion", "y"), *("--motion", "z")]
+    assert main(["base", str(portal), *lines, "--motion", "xyz", "--out", str(tmp_path / "run.csv")]) == 0
+    assert main(["base", str(portal), *lines, *every, "--out", str(tmp_path / "each.csv")]) == 0
+    assert (tmp_path / "run.csv").read_text() == (tmp_path / "each.csv").read_text()
 
 
 def test_a_count_has_at_most_nineteen_digits_and_a_seed_more():

@@ -398,7 +398,7 @@ def test_base(column, tmp_path, capsys):
     np.testing.assert_allclose(read_npz(out).H, direct.H)
     assert np.array(found["real"]) == pytest.approx(np.real(direct.H))
     assert picture.read_bytes()[:4] == b"\x89PNG"
-    assert "the base moves in 'w'; allowed are x, y" in refused(capsys, "base", column, "--motion", "w")
+    assert "'w' is not a direction; allowed are x, y" in refused(capsys, "base", column, "--motion", "w")
 
 
 def test_numbers_that_are_missing_have_a_reason(column, rotor, capsys):

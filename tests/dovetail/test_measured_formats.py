@@ -37,7 +37,7 @@ H = complex_normal(RNG, (30, 2, 1))
 
 
 def load(folder, lines):
-    return study_from(folder, STUDY + lines, ("sensors", "measurements"))
+    return study_from(folder, STUDY + lines)
 
 
 def text_of(*curves, head=""):

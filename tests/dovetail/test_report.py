@@ -431,6 +431,23 @@ def test_a_compliance_is_told_as_a_stiffness():
 
 
 @pytest.mark.parametrize(
+    "p",
+    [
+        EffectParameter("compliance", 2e-5, "rad/(N·m)", 1e-6),
+        EffectParameter("stiffness", 5e4, "N·m/rad", 2500.0, scale="reciprocal"),
+    ],
+)
+def test_a_finding_has_its_stiffness_and_its_compliance(found, p):
+    finding = replace(found.diagnosis.findings[0], parameters=(p,))
+    stiffness, compliance = finding.stiffness, finding.compliance
+    assert (stiffness.value, stiffness.std) == (pytest.approx(5e4), pytest.approx(2500.0))
+    assert (compliance.value, compliance.std) == (pytest.approx(2e-5), pytest.approx(1e-6))
+    assert "stiffness 50.0 ± 2.5\u00a0kN·m/rad" in words.finding_text(finding)
+    assert words.compliance_text(finding).startswith("as a compliance: ")
+    assert found.diagnosis.findings[0].stiffness is None  # a mass
+
+
+@pytest.mark.parametrize(
     ("p", "said"),
     [
         (EffectParameter("compliance", 4e-4, "rad/(N·m)", 1e-4), "stiffness 2.50 ± 0.62 kN·m/rad"),

@@ -23,7 +23,7 @@ MAY_IMPORT = {
     "modes": """
         dovetail.commands dovetail.disk dovetail.file dovetail.study
         dovetail.notebook dovetail.notebook.responses
-        dovetail.report dovetail.report.html dovetail.report.office dovetail.report.table
+        dovetail.report dovetail.report.html_table dovetail.report.office dovetail.report.table
         updating updating.correlation updating.inference updating.measurement updating.quality
         fem.analysis fem.array_types fem.chains fem.checks fem.connection_damping fem.declarations
         fem.directions fem.effects fem.elements fem.ground fem.io fem.laws fem.lengths fem.linalg

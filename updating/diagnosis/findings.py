@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fem.model import Effect, Parameter, covers, reciprocal_form
+from fem.model import Effect, Parameter, covers, inverse, reciprocal_form
 from fem.summary import counted, quantity, summary
 from updating.diagnosis.separation import Decisive, Proposal
 from updating.inference.fit_result import FitResult
@@ -38,6 +38,16 @@ class EffectParameter:
         if self.scale == "reciprocal":
             return self.value / (1 + relative), self.value / (1 - relative) if relative < 1 else math.inf
         return self.value - self.std, self.value + self.std
+
+    @property
+    def reciprocal(self) -> "EffectParameter | None":
+        """The stiffness of a compliance x and the other way round, 1/x ± s/x²; None of other parameters."""
+        form = reciprocal_form(self.name, self.unit)
+        if form is None:
+            return None
+        std = self.std / self.value**2 if self.value and math.isfinite(self.value) else math.nan
+        scale = {"linear": "reciprocal", "reciprocal": "linear"}.get(self.scale, self.scale)
+        return replace(self, name=form[0], value=inverse(self.value), unit=form[1], std=std, scale=scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,10 +100,8 @@ class Ranked:
 
 def _stated(p: EffectParameter) -> str:
     """Return value and standard deviation; of a compliance as the stiffness that engineers give."""
-    form = reciprocal_form(p.name, p.unit) if p.name == "compliance" and p.value else None
-    if form is None:
-        return f"{p.name} {p.value:.4g} ± {quantity(p.std, p.unit)}"
-    return f"{form[0]} {1 / p.value:.4g} ± {quantity(p.std / p.value**2, form[1])}"
+    shown = (p.reciprocal if p.name == "compliance" and p.value else None) or p
+    return f"{shown.name} {shown.value:.4g} ± {quantity(shown.std, shown.unit)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,6 +133,23 @@ class Finding:
     decisive: tuple[Decisive, ...] = ()
     proposals: tuple[tuple[Proposal, ...], ...] = ()
     equal_fits: tuple[Ranked, ...] = ()
+
+    @property
+    def stiffness(self) -> EffectParameter | None:
+        """Stiffness with standard deviation of a release, joint, support or crack [N/m or N·m/rad].
+
+        Also where the fit has a compliance. None of an effect that has neither.
+        """
+        return self._form("stiffness")
+
+    @property
+    def compliance(self) -> EffectParameter | None:
+        """The same as a compliance, 1/stiffness [m/N or rad/(N·m)]."""
+        return self._form("compliance")
+
+    def _form(self, name: str) -> EffectParameter | None:
+        forms = (form for p in self.parameters for form in (p, p.reciprocal) if form is not None)
+        return next((form for form in forms if form.name == name), None)
 
     @property
     def alternatives(self) -> tuple[Ranked, ...]:

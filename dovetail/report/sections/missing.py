@@ -61,7 +61,7 @@ def _found(d: Verdict) -> list[Block]:
             std = "–" if p.at_bound else cells.percent(p.std, p.value)
             label = words.effect_label(f.effect.kind, f.effect.where)
             first = words.as_stiffness(p)
-            for form in filter(None, (first, words.reciprocal(first))):
+            for form in filter(None, (first, first.reciprocal)):
                 value = words.fitted_text(form)
                 rows.append([label, form.name.replace("_", " "), value, _absent(f, p, form), std])
                 label = std = ""
