@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.evidence_cases import searched
 from benchmarks.independent.table import CASES, hidden_effects
 from updating.diagnosis.evidence import Fits, ScoredFit, Searched, values_of
-from updating.inference import belief, effect_priors
+from updating.inference import belief, unknowns
 
 FACTORS = 0.5, 2.0
 OF_THE_FORM = {
@@ -55,7 +55,7 @@ class Answer:
 
 def value_of(name: str) -> Any:
     """Return a constant of the priors."""
-    return getattr(belief if hasattr(belief, name) else effect_priors, name)
+    return getattr(belief if hasattr(belief, name) else unknowns, name)
 
 
 @contextmanager

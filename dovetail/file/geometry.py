@@ -27,6 +27,8 @@ MOST_ELEMENTS = 30_000
 """Elements of a mesh, unless the study allows more: their modes take some seconds and 0.6 GB."""
 
 
+LEAST_ELEMENTS = 4
+"""Elements of a member without a taper, whatever its waves."""
 PER_OTHER_WAVE = 32
 """Elements per shortest axial or torsional wave, whose error is (2π/32)²/24 = 1.6e-3."""
 
@@ -312,7 +314,6 @@ def refine(
     max_frequency: float,
     size: float | None,
     by_member: dict[str, tuple[float | None, int | None]],
-    at_least: int = 4,
     most: int | None = None,
 ) -> tuple[Mesh, NDArray[np.float64]]:
     """Return the mesh with elements short enough, and the lengths aimed at, member by member.
@@ -328,8 +329,6 @@ def refine(
         Element size of all members [m]; by wavelength unless given.
     by_member : dict of str to (float or None, int or None)
         Element size [m] or count of single members.
-    at_least : int
-        Fewest elements of a member.
     most : int, optional
         Most elements in all; the mesh's own lines are never too many. Unless given, ``MOST_ELEMENTS``, and of
         materials whose speed of sound is implausible no more than the usual one asks for.
@@ -344,17 +343,18 @@ def refine(
     sizes: dict[str, tuple[float, str]] = {}
     for name, rows in mesh.members.items():
         p, total = properties[name], float(length[rows].sum())
-        h, key = _aimed_size(p, total, max_frequency, size, by_member.get(name, (None, None)), at_least)
+        h, key = _aimed_size(p, total, max_frequency, size, by_member.get(name, (None, None)))
         sizes[name] = (h, key)
         n = np.maximum(1, np.ceil(length[rows] / h - 1e-6))
         for zone, k in ((p.rigid1, 0), (p.rigid2, -1)):
             if zone > 0:  # the zone must fit into the element at its end, with as much flexible length again
                 n[k] = max(1, min(n[k], int(length[rows[k]] / (2 * zone))))
         pieces[rows] = n
+    refined = _Refined(mesh, properties, max_frequency, sizes, pieces)
     if not pieces.sum() <= max(most or MOST_ELEMENTS, mesh.n_lines):
-        raise _too_many(mesh, pieces, properties, sizes, max_frequency, most or MOST_ELEMENTS)
+        raise refined.too_many(most or MOST_ELEMENTS)
     if most is None:
-        _refuse_slow_waves(mesh, pieces, properties, sizes, max_frequency, at_least)
+        refined.refuse_slow_waves()
     return mesh.split(pieces), np.array([h for h, _ in sizes.values()])
 
 
@@ -364,7 +364,6 @@ def _aimed_size(
     max_frequency: float,
     size: float | None,
     of_member: tuple[float | None, int | None],
-    at_least: int,
 ) -> tuple[float, str]:
     """Return the element size of a member, and its cause: a key of the study, or waves."""
     member_size, count = of_member
@@ -376,67 +375,62 @@ def _aimed_size(
         return total, "elements"
     if size is not None:
         return size, "element_size"
-    return min(element_size(p, max_frequency), total / least_elements(p, at_least)), "waves"
+    return min(element_size(p, max_frequency), total / _least_elements(p)), "waves"
 
 
-def _too_many(
-    mesh: Mesh,
-    pieces: NDArray[np.float64],
-    properties: dict[str, MemberProperties],
-    sizes: dict[str, tuple[float, str]],
-    max_frequency: float,
-    most: int,
-) -> TooManyElementsError:
-    """Return the error that names the member that asks for the most elements, and why it does."""
-    name = max(sizes, key=lambda each: float(pieces[mesh.members[each]].sum()))
-    (h, key), p = sizes[name], properties[name]
-    text = (
-        f"the mesh would have {pieces.sum():.4g} elements, and at most {most} are made ([mesh] "
-        f"max_elements): member '{name}' asks for the most, {pieces[mesh.members[name]].sum():.4g} of "
-        f"{1e3 * h:.3g} mm"
-    )
-    if key != "waves":
-        return TooManyElementsError(f"{text}, by {key}; give larger elements, or allow more", name, key)
-    m, s = p.material, p.section
-    odd = suspicions(Model(mesh, (Frame(members=properties),)))
-    what = (
-        f"for waves at {max_frequency:g} Hz with E = {si_number(m.E)} Pa, rho = {si_number(m.rho)} kg/m³, "
-        f"A = {s.A:.3g} m², Iy = {s.Iy:.3g}, Iz = {s.Iz:.3g} and J = {s.J:.3g} m⁴"
-    )
-    cause = "".join(f"{each.message}; " for each in odd)  # the count is what follows from it
-    advice = "" if odd else "check these values; or "
-    text = f"{cause}{text}, {what}; {advice}lower the frequency range, give element_size, or allow more"
-    return TooManyElementsError(text, name, key, odd)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Refined:
+    """Numbers of elements of the lines of a mesh, and the sizes aimed at with their causes, by member."""
 
+    mesh: Mesh
+    properties: dict[str, MemberProperties]
+    max_frequency: float
+    sizes: dict[str, tuple[float, str]]
+    pieces: NDArray[np.float64]
 
-def _refuse_slow_waves(
-    mesh: Mesh,
-    pieces: NDArray[np.float64],
-    properties: dict[str, MemberProperties],
-    sizes: dict[str, tuple[float, str]],
-    max_frequency: float,
-    at_least: int,
-) -> None:
-    """Refuse a mesh that only an implausible material makes fine, rather than compute with it for minutes."""
-    materials = {id(p.material): p.material for p in properties.values()}
-    odd = {k: some for k, m in materials.items() if (some := tuple(suspicions_of_material(m)))}
-    for name, (_, key) in sizes.items():
-        p = properties[name]
-        if key != "waves" or id(p.material) not in odd:
-            continue
-        rows, m = mesh.members[name], p.material
-        length = float(mesh.lengths()[rows].sum())
-        usual = replace(p, material=replace(m, E=m.rho * USUAL_SOUND**2))
-        size = min(element_size(usual, max_frequency), length / least_elements(p, at_least))
-        n, enough = int(pieces[rows].sum()), int(np.ceil(length / size - 1e-6))
-        if n > max(enough, len(rows)):
-            reasons = odd[id(m)]
-            text = (
-                f"{'; '.join(s.message for s in reasons)}; member '{name}' would have {n} elements for waves "
-                f"at {max_frequency:g} Hz, and {enough} with the usual speed of sound; correct the value, or "
-                "give element_size if it is meant"
-            )
-            raise TooManyElementsError(text, name, key, reasons)
+    def too_many(self, most: int) -> TooManyElementsError:
+        """Return the error that names the member that asks for the most elements, and why it does."""
+        counts = {name: float(self.pieces[rows].sum()) for name, rows in self.mesh.members.items()}
+        name = max(counts, key=lambda each: counts[each])
+        (h, key), p = self.sizes[name], self.properties[name]
+        text = (
+            f"the mesh would have {self.pieces.sum():.4g} elements, and at most {most} are made ([mesh] "
+            f"max_elements): member '{name}' asks for the most, {counts[name]:.4g} of {1e3 * h:.3g} mm"
+        )
+        if key != "waves":
+            return TooManyElementsError(f"{text}, by {key}; give larger elements, or allow more", name, key)
+        m, s = p.material, p.section
+        odd = suspicions(Model(self.mesh, (Frame(members=self.properties),)))
+        what = (
+            f"for waves at {self.max_frequency:g} Hz with E = {si_number(m.E)} Pa, rho = {si_number(m.rho)} "
+            f"kg/m³, A = {s.A:.3g} m², Iy = {s.Iy:.3g}, Iz = {s.Iz:.3g} and J = {s.J:.3g} m⁴"
+        )
+        cause = "".join(f"{each.message}; " for each in odd)  # the count is what follows from it
+        advice = "" if odd else "check these values; or "
+        text = f"{cause}{text}, {what}; {advice}lower the frequency range, give element_size, or allow more"
+        return TooManyElementsError(text, name, key, odd)
+
+    def refuse_slow_waves(self) -> None:
+        """Refuse a mesh that only an implausible material makes fine: it would take minutes."""
+        materials = {id(p.material): p.material for p in self.properties.values()}
+        odd = {k: some for k, m in materials.items() if (some := tuple(suspicions_of_material(m)))}
+        for name, (_, key) in self.sizes.items():
+            p = self.properties[name]
+            if key != "waves" or id(p.material) not in odd:
+                continue
+            rows, m = self.mesh.members[name], p.material
+            length = float(self.mesh.lengths()[rows].sum())
+            usual = replace(p, material=replace(m, E=m.rho * USUAL_SOUND**2))
+            size = min(element_size(usual, self.max_frequency), length / _least_elements(p))
+            n, enough = int(self.pieces[rows].sum()), int(np.ceil(length / size - 1e-6))
+            if n > max(enough, len(rows)):
+                reasons = odd[id(m)]
+                text = (
+                    f"{'; '.join(s.message for s in reasons)}; member '{name}' would have {n} elements for "
+                    f"waves at {self.max_frequency:g} Hz, and {enough} with the usual speed of sound; "
+                    "correct the value, or give element_size if it is meant"
+                )
+                raise TooManyElementsError(text, name, key, reasons)
 
 
 def element_size(p: MemberProperties, frequency: float) -> float:
@@ -466,20 +460,20 @@ def _size_of_section(p: MemberProperties, s: Section, frequency: float) -> float
     return float(min(sizes))
 
 
-def least_elements(p: MemberProperties, at_least: int) -> int:
+def _least_elements(p: MemberProperties) -> int:
     """Return the fewest elements of a member: under a taper more, as waves at its thin end are shorter.
 
     Wave numbers of bending go with the root of the radius of gyration. Principal axes that turn by Δα along
     the member are straight in each element, which errs by (Δα/n)² I₁/I₂ / 24 in a frequency.
     """
     if p.section2 is None:
-        return at_least
+        return LEAST_ELEMENTS
     radii = [[s.Iy / s.A, s.Iz / s.A] for s in (p.section, p.section2)]
     ratio = np.max(np.max(radii, axis=0) / np.min(radii, axis=0)) ** 0.25
     turn = abs(p.section2.angle - p.section.angle)
     uneven = max(max(s.Iy, s.Iz) / min(s.Iy, s.Iz) for s in (p.section, p.section2))
     turning = turn * np.sqrt(uneven / (24 * SHEAR_ERROR))
-    return int(np.ceil(max(at_least * ratio, turning) - 1e-9))
+    return int(np.ceil(max(LEAST_ELEMENTS * ratio, turning) - 1e-9))
 
 
 def describe_sizes(sizes: Sequence[float] | NDArray[Any]) -> str:

@@ -175,13 +175,13 @@ class RawModes:
 
 
 def read_raw_modes(
-    top: StudyTable, folder: Path, file_notes: list[str], key: str = "modes", more_keys: Sequence[str] = ()
+    top: StudyTable, folder: Path, file_notes: list[str], key: str = "modes"
 ) -> RawModes | None:
-    """Read ``[modes]``: the modes of a file, or frequencies alone; ``file_notes`` gains the reader's notes.
+    """Read ``[modes]``, or another table with its keys: the modes of a file, or frequencies alone.
 
-    Another table may have the same keys, and ``more_keys``.
+    ``file_notes`` gains the reader's notes.
     """
-    return _raw_modes_of(top.table(key), folder, file_notes, more_keys)
+    return _raw_modes_of(top.table(key), folder, file_notes)
 
 
 def read_states(
@@ -196,22 +196,20 @@ def read_states(
         since = t.text("since", "")
         if since and since not in earlier:
             t.refuse("since", f"there is no earlier state '{since}'; {suggest(since, earlier)}")
-        modes = match_modes(_raw_modes_of(t, folder, file_notes, ()), test, file_notes)
+        modes = match_modes(_raw_modes_of(t, folder, file_notes), test, file_notes)
         if modes is None:
             t.refuse("", "it has no modes; give file or frequency")
         out.append(ModesState(name, modes, since))
     return tuple(out)
 
 
-def _raw_modes_of(
-    t: StudyTable, folder: Path, file_notes: list[str], more_keys: Sequence[str]
-) -> RawModes | None:
+def _raw_modes_of(t: StudyTable, folder: Path, file_notes: list[str]) -> RawModes | None:
     for one in MODE_STD:
         if not isinstance(t.get(one, None), list):
             t.number(one, None, above=0)
     frequency, zeta = t.vector("frequency", None, None, "Hz"), t.vector("zeta", None, None, "-")
     file = t.text("file", None)
-    for one in ("numbers", "plane", "held_out", "sensors", "excitations", *more_keys):
+    for one in ("numbers", "plane", "held_out", "sensors", "excitations"):
         t.get(one, None)
     t.finish()
     if not t.values:

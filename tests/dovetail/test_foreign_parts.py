@@ -10,7 +10,7 @@ import pytest
 import dovetail
 from dovetail import StudyError, load_study, main
 from dovetail.export import WRITERS, exported_deck
-from dovetail.file import condensed, connections
+from dovetail.file import connections
 from fem import DIRECTIONS, Attachment, Superelement, assemble, solve_modes
 from fem.effects import JointStiffness
 from fem.io import model_of, read_deck, read_matrices, write_matrices, write_npz
@@ -175,7 +175,7 @@ def test_a_large_part_is_condensed_once(tmp_path, monkeypatch):
     assert other.limit < first.limit or other.n_internal < first.n_internal
     (tmp_path / "left.condensed.npz").write_bytes(b"PK damaged")
     np.testing.assert_array_equal(study(tmp_path, PARTS).model.effect("left").K, first.K)
-    assert condensed.FORMAT == 1
+    assert connections.FORMAT == 1
 
 
 SUPPORTED = attached() + '[[supports]]\npoint = "A"\n'

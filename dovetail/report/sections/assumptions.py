@@ -25,7 +25,6 @@ MODULES = (
     "updating.quality.fault_hypotheses",
     "updating.quality.sensor_faults",
     "updating.quality.signs",
-    "updating.quality.faults",
 )
 """Modules whose constants decide the verdict; the report lists them."""
 
