@@ -409,7 +409,7 @@ def diagnosis_dict(d: Verdict) -> dict[str, Any]:
         "credible": [_explanation(e, d.model) for e in d.credible],
         "places": [{"place": name, "misfit_left": share} for name, share in d.places],
         "uncertain": [uncertain_dict(u) for u in uncertain_parameters(d)],
-        "images": [_explanation(e) for e in d.images],
+        "images": [_explanation(e, d.model) for e in d.images],
         **(_of_frfs(d) if by_frfs(d) else {}),
         **(_of_modes(d) if by_modes_alone(d) else {}),
     }

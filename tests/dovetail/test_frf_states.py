@@ -48,6 +48,7 @@ def test_a_change_hidden_by_a_common_error_is_found_and_written(tmp_path):
     assert headline(d).startswith(
         "Change since the baseline (before.npz → frf.npz): member arm carries a mass"
     )
+    assert result.states is not None
     before, after = result.states
     measured = {m.index: (before[m.nominal_index], after[m.index]) for m in result.modes if m.index in after}
     assert len(measured) >= 3

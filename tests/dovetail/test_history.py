@@ -105,7 +105,8 @@ model_error = 0.0
     text = f"{lines}\n[baseline]\n{state(0)}"
     for name, n, since in (("spring", 1, ""), ("summer", 1, "spring"), ("autumn", 2, "summer")):
         text += f'\n[[states]]\nname = "{name}"\n{state(n)}' + f'since = "{since}"\n' * bool(since)
-    spring, summer, autumn = diagnose_history(load_study(study_file(tmp_path, text)), lambda text, done: None)
+    history = diagnose_history(load_study(study_file(tmp_path, text)), lambda text, done: None)
+    spring, summer, autumn = history.states
     (tip,), (middle,) = spring.diagnosis.found, autumn.diagnosis.found
     assert (tip.mass, middle.mass) == (pytest.approx(0.1, rel=0.05), pytest.approx(0.1, rel=0.05))
     assert [np.ravel(m.locations(true))[2] for m in (tip, middle)] == pytest.approx([1.0, 0.5], abs=0.02)

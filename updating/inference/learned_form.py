@@ -15,6 +15,7 @@ from scipy.optimize import minimize
 from fem.array_types import Floats
 from updating.inference.fit_result import FitResult
 from updating.inference.form import FORMS, place_of
+from updating.inference.parameters import Nuisance
 from updating.inference.problem import Problem
 
 Kind = tuple[str, str]
@@ -56,9 +57,10 @@ class FormData:
     def of(cls, problem: Problem[Any], fitted: FitResult) -> "FormData":
         """Return what a fit without effects says; of what it has not varied, nothing."""
         refs, model = list(fitted.values), problem.reduced.model
+        nuisances: Sequence[Nuisance] = problem.nuisances
         form = [
             (refs.index(n.refs[0]), n, effect)
-            for n in problem.nuisances
+            for n in nuisances
             if len(n.refs) == 1 and n.refs[0] in refs
             if isinstance(effect := model.effect(n.effect), FORMS)
         ]
