@@ -57,11 +57,10 @@ class FormData:
     def of(cls, problem: Problem[Any], fitted: FitResult) -> "FormData":
         """Return what a fit without effects says; of what it has not varied, nothing."""
         refs, model = list(fitted.values), problem.reduced.model
-        nuisances: Sequence[Nuisance] = problem.nuisances
         form = [
             (refs.index(n.refs[0]), n, effect)
-            for n in nuisances
-            if len(n.refs) == 1 and n.refs[0] in refs
+            for n in problem.nuisances
+            if isinstance(n, Nuisance) and n.refs[0] in refs
             if isinstance(effect := model.effect(n.effect), FORMS)
         ]
         rows = [i for i, _, _ in form]
