@@ -69,9 +69,10 @@ class Given:
 def run(monkeypatch):
     """Return a function that searches over given scores, and tells the best one and what was searched on."""
 
-    def of(scores, unknown, nothing=None, rival=-np.inf):
+    def of(scores, unknown, nothing=None, rival=-np.inf, usual=None):
         """Scores by effects; each has those with one effect more as extensions. ``unknown`` is a score.
 
+        ``usual`` is that of the unknown if it left no more than right models usually do.
         That without effects may be found to be better than it was, ``nothing``. Beside another model the best
         one has the score ``rival``.
         """
@@ -95,6 +96,7 @@ def run(monkeypatch):
             "swapped": lambda self, h: h,
             "with_enriched_basis": lambda self, h: h,
             "unknown": lambda self, h: unknown,
+            "suffices": lambda self, h: (unknown if usual is None else usual) < h.score,
             "short_of": lambda self, h: unknown - h.score - ODDS * len(h.letters) + UNKNOWN_ODDS,
         }.items():
             monkeypatch.setattr(Search, name, f)
@@ -118,6 +120,13 @@ def test_it_goes_on_while_the_unknown_is_more_probable(run):
     best, went = run(scores, unknown=20.0)
     assert best == "abc"
     assert went[:3] == ["nothing", "a", "ab"]
+
+
+def test_it_goes_on_from_what_leaves_more_than_right_models_usually_do(run):
+    """Errors of two sensors left 3.5 times the noise: no more was looked for, and 49 nats were missed."""
+    scores = {"": 0.0, "a": -3.0, "ab": 50.0}
+    assert run(scores, unknown=-5.0)[0] == "nothing"
+    assert run(scores, unknown=-5.0, usual=20.0) == ("ab", ["nothing", "a", "ab"])
 
 
 def test_it_goes_back_once_from_an_end_that_does_not_explain_the_data(run):
@@ -218,7 +227,7 @@ def test_near_the_data_first_fits_go_as_far_as_later_ones(monkeypatch, far, expl
     new = module.NextHypotheses(tuple(Given("a", 0.0).effects), [Start({}, None)], 5.0, False)
     monkeypatch.setattr(Search, "proposals", lambda self, base, quick, far, settled: [new])
     monkeypatch.setattr(Search, "settled", lambda self, h: explains)
-    monkeypatch.setattr(Search, "explains", lambda self, h: explains)
+    monkeypatch.setattr(Search, "suffices", lambda self, h: explains)
     search.from_near(base, SimpleNamespace(far_start=lambda fitted: None), now=0.0, far=far)
     assert asked == [steps]
 
@@ -257,7 +266,7 @@ def test_a_search_from_afar_ends_where_one_way_leads_to_the_data(monkeypatch, fa
     seen = SimpleNamespace(for_look=lambda: "damped")
     monkeypatch.setattr(module, "Damped", SimpleNamespace(of=lambda *a, **k: seen))
     monkeypatch.setattr(module, "_ended", lambda shared, trial: tried(trial.name)[0])
-    monkeypatch.setattr(Search, "explains", lambda self, h: explains)
+    monkeypatch.setattr(Search, "suffices", lambda self, h: explains)
     monkeypatch.setattr(Search, "from_afar", from_afar)
     monkeypatch.setattr(
         Search, "from_near", lambda self, *a, far: tried("near nominal" if far else "near its form")
@@ -283,7 +292,7 @@ def test_what_is_far_behind_on_damped_frfs_is_fitted_last(monkeypatch, near, end
     seen = SimpleNamespace(for_look=lambda: "damped")
     monkeypatch.setattr(module, "Damped", SimpleNamespace(of=lambda *a, **k: seen))
     monkeypatch.setattr(module, "_ended", fitted)
-    monkeypatch.setattr(Search, "explains", lambda self, h: False)
+    monkeypatch.setattr(Search, "suffices", lambda self, h: False)
     monkeypatch.setattr(
         Search,
         "from_afar",
@@ -346,7 +355,7 @@ def test_what_a_short_fit_did_not_reach_is_no_promise(monkeypatch):
     ]
     monkeypatch.setattr(Search, "proposals", lambda self, base, quick, far, settled: asked)
     monkeypatch.setattr(Search, "settled", lambda self, h: True)
-    monkeypatch.setattr(Search, "explains", lambda self, h: True)
+    monkeypatch.setattr(Search, "suffices", lambda self, h: True)
     search.from_near(base, SimpleNamespace(), now=0.0, far=False)
     assert {p.effects[0].name: p.score for p in search.promises()} == {**looks, **reached}
 
@@ -398,7 +407,7 @@ def test_an_effect_may_be_swapped_for_any_other(monkeypatch):
         score=1.0,
         fitted=result,
     )
-    monkeypatch.setattr(Search, "explains", lambda self, best: True)
+    monkeypatch.setattr(Search, "suffices", lambda self, best: True)
     monkeypatch.setattr(Search, "on_few_lines", lambda self, free, h, others: (h, []))
     search = object.__new__(Search)
     search.budget, search._n_fits, search.tell = NORMAL, Counter(), print
@@ -467,7 +476,7 @@ def test_swaps_try_each_of_what_is_alike_and_no_second_spring_at_a_constraint():
     given.known = {h.key: h}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module.Search, "on_few_lines", on_few_lines)
-        patch.setattr(module.Search, "explains", lambda self, h: False)
+        patch.setattr(module.Search, "suffices", lambda self, h: False)
         assert given.swapped(h) is h
     assert asked == [{one.name, two.name}, set()]
     ((effects, values),) = tried
