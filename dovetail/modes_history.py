@@ -63,7 +63,7 @@ class StateChange:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class History(Printed):
+class StatesHistory(Printed):
     """What has changed in each of several states.
 
     Attributes
@@ -127,7 +127,7 @@ def shifts(before: ModeTargets, after: ModeTargets) -> tuple[Floats, Floats]:
     return shift, std
 
 
-def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) -> History:
+def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) -> StatesHistory:
     """Find what has changed in each of a study's states: since the baseline, or since an earlier state.
 
     What was found in that one, it has: the change is looked for beside it, and its values are fitted anew.
@@ -161,4 +161,4 @@ def diagnose_history(study: StudyContents, say: Callable[[str, float], None]) ->
         out[state.name] = StateChange(
             state.name, state.since, *shifts(first, targets_of(state.modes)), found, has
         )
-    return History(study.name, study.baseline.modes.frequency, tuple(out.values()))
+    return StatesHistory(study.name, study.baseline.modes.frequency, tuple(out.values()))

@@ -48,7 +48,7 @@ from updating.measurement.computed import computed_frf
 
 # Methods that compare, fit and diagnose import what they need: modes and static responses need none of it.
 if TYPE_CHECKING:
-    from dovetail.modes_history import History
+    from dovetail.modes_history import StatesHistory
     from dovetail.notebook.candidates import Candidates
     from dovetail.notebook.comparison import Misfit, StudyComparison
     from dovetail.notebook.diagnosis import StudyDiagnosis, StudyModeDiagnosis
@@ -435,7 +435,7 @@ class Study(config.StudyContents):
 
         return update_study(self)
 
-    def history(self, progress: Progress | None = None) -> History:
+    def history(self, progress: Progress | None = None) -> StatesHistory:
         """Return what has changed since the baseline in each of the study's states.
 
         Parameters

@@ -387,7 +387,8 @@ class _Reader:
             self.left_out.append(" ".join(place.split()))
             if awaited:
                 self.awaited.setdefault(part, self.left_out[-1])
-            why = "until the measured data exist" if awaited else "because this command does not need it"
+            needed = awaited and part in self.needs
+            why = "until the measured data exist" if needed else "because this command does not need it"
             self.warnings.append(f"left out, {why}: {self.left_out[-1]}")
 
     @contextmanager

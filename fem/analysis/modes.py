@@ -478,9 +478,10 @@ def rigid_body_motions(system: System) -> Floats:
     if allowed.shape[1] == 0:
         return np.zeros((system.n_free, 0))
     mass = allowed.T @ (system.M @ allowed)
-    values, vectors = np.linalg.eigh(mass)
-    if values[0] <= _ROUNDING * values[-1]:
-        motion = np.asarray(system.Q @ (allowed @ vectors[:, :1]))
+    size = np.sqrt(np.maximum(np.diag(mass), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(mass / np.outer(size, size))  # however little mass a motion has
+    if values[0] <= _ROUNDING:
+        motion = np.asarray(system.Q @ (allowed @ (vectors[:, :1] / size[:, None])))
         raise MechanismError(_describe_massless(system, motion[:, 0]), motion / np.abs(motion).max())
     L = np.linalg.cholesky(mass)
     return np.linalg.solve(L, allowed.T).T

@@ -47,8 +47,8 @@ def test_a_saved_study_is_the_fitted_one(tmp_path, with_effect):
 def test_a_second_fit_starts_where_the_first_did(with_effect):
     _, fitted = with_effect
     once, twice = fitted.model.values(), fitted.fit().model.values()
-    # those near 0 are relative changes with deviations of per cents
-    assert {k: twice[k] for k in once} == pytest.approx(once, rel=1e-3, abs=1e-5)
+    # those near 0 are relative changes with deviations of a per cent and more: within 0.005 of these
+    assert {k: twice[k] for k in once} == pytest.approx(once, rel=1e-3, abs=5e-5)
 
 
 def test_frfs_are_those_of_the_measurement_unless_others_are_asked_for(study):

@@ -194,7 +194,8 @@ def test_a_folder_in_place_of_a_study_names_the_study_in_it(tmp_path, capsys):
     ],
 )
 def test_a_structure_without_supports_is_noted_and_is_no_fault(tmp_path, capsys, support, words):
-    study = made(tmp_path, f"{LUMPED}{support}")
+    # with lumped mass alone a straight frame would turn about its axis without mass
+    study = made(tmp_path, f"{LUMPED}PARAM,COUPMASS,1\n{support}")
     new = capsys.readouterr().out
     assert main(["check", str(study)]) == 0
     check = capsys.readouterr().out
