@@ -92,7 +92,7 @@ class StatesHistory(Printed):
         table = Table.of(
             "states",
             Column("state", [s.name for s in states]),
-            Column("largest shift", largest, "%", "+.2f", 100),
+            Column("largest shift" + " since the baseline" * row, largest, "%", "+.2f", 100),
             Column("probability", [s.probability for s in states], show=percent),
             *([Column("compared with", [s.since or "baseline" for s in states])] if row else []),
             Column("change since then" if row else "change since the baseline", [s.answer for s in states]),

@@ -62,7 +62,8 @@ def with_stated_form(top: StudyTable, model: Model, folder: Path, *, form: bool)
 def _read_learned(path: Path) -> dict[str, dict[str, tuple[float, float]]]:
     """Read what was learned of the form: means and standard deviations by place and parameter."""
     text = path.read_text(encoding="utf-8")
-    top = StudyTable(Source(path.name, key_lines(text)), (), tomllib.loads(text))
+    values = tomllib.loads(text)
+    top = StudyTable(Source(path.name, key_lines(text)), (), values)
     out: dict[str, dict[str, tuple[float, float]]] = {}
     for place, known in USUAL_FORM.items():
         t = top.table(place)

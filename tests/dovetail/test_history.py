@@ -82,9 +82,9 @@ def test_a_study_without_a_baseline_has_no_history(root, capsys):
     assert "it has no [baseline]; a history needs" in capsys.readouterr().err
 
 
-def test_of_states_in_a_row_each_change_is_told_once_when_it_came(tmp_path, capsys):
-    """Compared with the baseline the last state would have two."""
-    masses, rng = [(1.0, 0.1), (0.5, 0.1)], np.random.default_rng(1)
+def in_a_row(folder, *states):
+    """Return a mast and its history, with masses at tip and middle, each state since the one before."""
+    rng = np.random.default_rng(1)
     lines = f"""{MAST}
 [candidates]
 kinds = ["point_mass"]
@@ -92,20 +92,24 @@ kinds = ["point_mass"]
 [fit]
 model_error = 0.0
 """
-    true = load_study(study_file(tmp_path, lines)).model
-    points = [int(np.argmin(np.abs(true.mesh.points[:, 2] - z))) for z, _ in masses]
+    true = load_study(study_file(folder, lines)).model
+    points = [int(np.argmin(np.abs(true.mesh.points[:, 2] - z))) for z in (1.0, 0.5)]
 
-    def state(n):
-        more = (
-            AddedMass(name=f"m{p}", point=p, mass=m) for p, (_, m) in zip(points[:n], masses, strict=False)
-        )
+    def state(*masses):
+        more = (AddedMass(name=f"m{p}", point=p, mass=m) for p, m in zip(points, masses, strict=True) if m)
         f = first_modes(assemble(true.with_effect(*more)), 8).frequency[:8]
         return f"frequency = {(f * (1 + 2e-4 * rng.standard_normal(8))).tolist()}\nfrequency_std = 0.0002\n"
 
-    text = f"{lines}\n[baseline]\n{state(0)}"
-    for name, n, since in (("spring", 1, ""), ("summer", 1, "spring"), ("autumn", 2, "summer")):
-        text += f'\n[[states]]\nname = "{name}"\n{state(n)}' + f'since = "{since}"\n' * bool(since)
-    history = diagnose_history(load_study(study_file(tmp_path, text)), lambda text, done: None)
+    text, since = f"{lines}\n[baseline]\n{state(0, 0)}", ""
+    for name, masses in zip(("spring", "summer", "autumn"), states, strict=True):
+        text += f'\n[[states]]\nname = "{name}"\n{state(*masses)}' + f'since = "{since}"\n' * bool(since)
+        since = name
+    return true, diagnose_history(load_study(study_file(folder, text)), lambda text, done: None)
+
+
+def test_of_states_in_a_row_each_change_is_told_once_when_it_came(tmp_path):
+    """Compared with the baseline the last state would have two."""
+    true, history = in_a_row(tmp_path, (0.1, 0), (0.1, 0), (0.1, 0.1))
     spring, summer, autumn = history.states
     (tip,), (middle,) = spring.diagnosis.found, autumn.diagnosis.found
     assert (tip.mass, middle.mass) == (pytest.approx(0.1, rel=0.05), pytest.approx(0.1, rel=0.05))
@@ -113,6 +117,15 @@ model_error = 0.0
     assert summer.answer == "nothing"
     assert [e.mass for e in autumn.has] == [tip.mass, middle.mass]
     assert "compared with" in str(history.printed()[-1])
+
+
+def test_what_grows_from_state_to_state_is_told_by_how_much(tmp_path):
+    _, history = in_a_row(tmp_path, (0.1, 0), (0.16, 0), (0.16, 0))
+    spring, summer, autumn = history.states
+    (first,), (more,) = spring.diagnosis.found, summer.diagnosis.found
+    assert first.name == more.name
+    assert (first.mass, more.mass) == (pytest.approx(0.1, rel=0.05), pytest.approx(0.06, rel=0.1))
+    assert autumn.answer == "nothing"
 
 
 @pytest.mark.slow

@@ -159,8 +159,14 @@ def _with_cause(first: Calibrated, search: Search[ModeProblem], h: ScoredFit) ->
 def _with_causes_fitted(
     problem: ModeProblem, made: Formed, causes: Sequence[Effect], near: FitResult | None = None
 ) -> Calibrated:
-    """Return the model of the first state with effects, fitted from their values."""
-    effects = tuple(replace(uncommon(e), name=f"{COMMON}{uncommon(e).name}") for e in causes)
+    """Return the model of the first state with effects, fitted from their values.
+
+    What has grown from state to state is there several times, each with a name of its own.
+    """
+    names = [f"{COMMON}{uncommon(e).name}" for e in causes]
+    before = [names[:k].count(name) for k, name in enumerate(names)]
+    each = zip(causes, names, before, strict=True)
+    effects = tuple(replace(e, name=f"{name} {n + 1}" if n else name) for e, name, n in each)
     problem = replace(problem, reduced=problem.reduced.with_forces_of(effects))
     stages = problem.stages if near is None else problem.stages[-1:]
     fitted = fit(problem, effects, values_of(effects), stages=stages, x_from=near)

@@ -87,14 +87,15 @@ class FrfChanges(ResidualChanges):
         at = np.searchsorted(some, line[here]) * int(np.prod(shape)) + of_line[here]
         out = replace(
             self,
-            some=here,
+            some=self.some[here],
             full_band=np.ones(len(here), dtype=bool),
             lines=self.lines[some],
             at=at,
             weight=np.ones(len(here)),
             damping=HEAVY_DAMPING,
         )
-        return replace(out, measured=out.solved(()).H.ravel()[at])
+        out.measured = out.solved(()).H.ravel()[at]
+        return out
 
     @cached_property
     def now(self) -> Complexes:

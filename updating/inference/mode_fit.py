@@ -839,7 +839,7 @@ class ModeFunction(FitFunction[ModeProblem]):
             std = (
                 np.sqrt(np.einsum("ik,kl,il->i", slopes, every[at, at], slopes))
                 if known.size
-                else slopes[:, 0]
+                else np.full(len(slopes), np.nan)
             )
             now = dict(zip(errors.refs, errors.at(solution.x[at]).tolist(), strict=True))
             std = dict(zip(errors.refs, std.tolist(), strict=True))
