@@ -74,7 +74,8 @@ and report.
 EPILOG = """\
 begin with:
   dovetail new my-frame
-  dovetail modes my-frame/study.toml
+  dovetail check my-frame/study.toml
+  dovetail run my-frame/study.toml --out my-frame/report
 
 docs/study-file.md describes the study file. Exit code: 0, 2 for bad input, 1 for anything else
 and for a search that was ended early.

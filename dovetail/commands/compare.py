@@ -46,7 +46,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         default=argparse.SUPPRESS,
         metavar="NAME=VALUE,...",
         help="values of the effect of the --add before it, in SI units, a spring's as stiffness or "
-        "compliance; others stay as it begins with them",
+        "compliance; values that are not given are those of `dovetail candidates`",
     )
     p.add_argument(
         "--fitted", action="store_true", help="fit the uncertain parameters and the added effects first"
