@@ -81,7 +81,9 @@ def at_truth(search: Search, ways: Sequence[Sequence[Stated]]) -> ScoredFit | No
         if len({e.name for e in effects}) < len(effects):
             continue  # one candidate cannot be two of the hidden effects
         try:
-            fits.append(search.fits.fully(effects, tuple(values for _, values in starts)))
+            values = tuple(values for _, values in starts)
+            # all else begins at its nominal value, and where the search has it: either may end elsewhere
+            fits.append(search.fits.fully(effects, values, search.best, anew=True))
         except np.linalg.LinAlgError:
             continue
     return max(fits, key=lambda h: h.score, default=None)
