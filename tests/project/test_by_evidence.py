@@ -44,13 +44,13 @@ def begun(*hidden):
     """Return from where the fits of a truth begin."""
     out = []
 
-    def at(effects, starts):
+    def at(effects, starts, near, *, anew):
         out.append(dict(zip([e.name for e in effects], starts, strict=True)))
         return SimpleNamespace(score=0.0)
 
     problem = SimpleNamespace(surroundings=None)
     fits = SimpleNamespace(problem=problem, fully=at)
-    search = SimpleNamespace(candidates=CANDIDATES, fits=fits, known={frozenset(): None})
+    search = SimpleNamespace(candidates=CANDIDATES, fits=fits, known={frozenset(): None}, best=None)
     assert (at_truth(search, by_evidence.stated(hidden)) is None) == (not out)
     return out
 

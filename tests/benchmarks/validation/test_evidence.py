@@ -69,13 +69,16 @@ def fake_search(candidates):
     """Return a search whose fits score by how many effects they have and tell where they began."""
     begun = []
 
-    def fully(effects, values):
+    best = SimpleNamespace(score=0.0)
+
+    def fully(effects, values, near, *, anew):
+        assert (near, anew) == (best, True)  # from nominal values and from where the search is
         begun.append({e.name: v for e, v in zip(effects, values, strict=True)})
         return SimpleNamespace(score=float(len(effects)))
 
     problem = SimpleNamespace(surroundings=lambda key: 1.0)
     fits = SimpleNamespace(problem=problem, fully=fully)
-    return SimpleNamespace(candidates=candidates, fits=fits, known={}), begun
+    return SimpleNamespace(candidates=candidates, fits=fits, known={}, best=best), begun
 
 
 def test_a_soft_connection_is_started_from_all_its_directions_with_their_stiffness(soft):
