@@ -6,7 +6,7 @@ from pathlib import Path
 from dovetail.file.contents import StudyContents
 from dovetail.pipeline import fit_settings, measured, without_held_out
 from updating.diagnosis.evidence.diagnosis import prepare_search, search_of_problem
-from updating.inference.learned_form import FormData, Priors, by_place
+from updating.inference.learned_form import FormData, Priors
 
 
 class NothingLearnedError(ValueError):
@@ -31,7 +31,8 @@ def form_data(study: StudyContents) -> FormData | None:
 def written(priors: Priors, studies: Sequence[Path]) -> str:
     """Return a text in TOML: mean and standard deviation of each parameter."""
     lines = [f"# learned from {', '.join(map(str, studies))}", "# mean, standard deviation"]
-    for place, pairs in by_place(priors).items():
+    for place in dict.fromkeys(place for place, _ in priors):
         lines += ["", f"[{place}]"]
-        lines += [f"{key} = [{mean:.4g}, {std:.4g}]" for key, (mean, std) in pairs.items()]
+        of_place = ((key, pair) for (where, key), pair in priors.items() if where == place)
+        lines += [f"{key} = [{mean:.4g}, {std:.4g}]" for key, (mean, std) in of_place]
     return "\n".join(lines) + "\n"

@@ -188,12 +188,9 @@ def modes_in_frfs(study: StudyContents, d: Diagnosis, nominal: Modes, reported: 
         return None
     usual = study.shape_limits == ShapeLimits()
     found = (usual and d.identified) or identified_in(d.problem, **asdict(study.shape_limits))
-    if not found:
+    if not found or not found.found.modes.n_modes:
         return None
-    try:
-        measured = as_measured(found.found, found.measurement)
-    except StudyError:
-        return None
+    measured = as_measured(found.found, found.measurement)
     rows = sensor_rows(d.model, measured.sensors)
     before = sensor_rows(with_resting_base(d.problem.reduced.model), measured.sensors)
     pairs = {

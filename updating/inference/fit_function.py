@@ -102,12 +102,8 @@ class FitFunction(ABC, Generic[P]):
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
 
     @abstractmethod
-    def allowed_squares(self) -> Floats:
-        """Return the mean squares that a right model may leave beyond noise, of each group."""
-
-    def usual_squares(self) -> Floats:
-        """Return the mean squares that right models usually leave beyond noise at most, of each group."""
-        return self.allowed_squares()
+    def allowed_squares(self, *, usual: bool = False) -> Floats:
+        """Return the mean squares that a right model may leave beyond noise, or usually does, by group."""
 
     @abstractmethod
     def errors(self, x: Floats) -> Errors:

@@ -270,15 +270,9 @@ class FrfFunction(FitFunction[FrfInputs]):
         """Return the mean squares of the residuals of each group that are put down to noise, (n_groups,)."""
         return self.mean_by_group(noise_squares(self.problem.data, self.lines))
 
-    def allowed_squares(self) -> Floats:
-        """Return the mean squares that a right model may leave beyond noise, of each group."""
-        return self._beyond_noise(DISCREPANCY_MAX)
-
-    def usual_squares(self) -> Floats:
-        """Return the mean squares that right models usually leave beyond noise at most, of each group."""
-        return self._beyond_noise(DISCREPANCY_USUAL)
-
-    def _beyond_noise(self, share: float) -> Floats:
+    def allowed_squares(self, *, usual: bool = False) -> Floats:
+        """Return the mean squares that a right model may leave beyond noise, or usually does, by group."""
+        share = DISCREPANCY_USUAL if usual else DISCREPANCY_MAX
         square = (share * self.problem.model_error) ** 2 + self.problem.mesh_level**2
         return np.full(len(np.unique(self.groups)), square)
 

@@ -112,15 +112,9 @@ class JointFunction(FitFunction[FrfInputs]):
         frf, modes = self.frf, self.modes
         return np.concatenate([frf.noise(), modes.noise()])
 
-    def allowed_squares(self) -> Floats:
-        """Return the mean squares that a right model may leave beyond noise, of each group."""
-        frf, modes = self.frf, self.modes
-        return np.concatenate([frf.allowed_squares(), modes.allowed_squares()])
-
-    def usual_squares(self) -> Floats:
-        """Return the mean squares that right models usually leave beyond noise at most, of each group."""
-        frf, modes = self.frf, self.modes
-        return np.concatenate([frf.usual_squares(), modes.usual_squares()])
+    def allowed_squares(self, *, usual: bool = False) -> Floats:
+        """Return the mean squares that a right model may leave beyond noise, or usually does, by group."""
+        return np.concatenate([part.allowed_squares(usual=usual) for part in (self.frf, self.modes)])
 
     def errors(self, x: Floats) -> Errors:
         """Return how far computed FRFs and modes are from the measured ones."""

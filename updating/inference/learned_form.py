@@ -117,7 +117,8 @@ def learned(
 
     if not chosen:
         return {}
-    best = minimize(cost, np.zeros(2 * len(chosen)), method="L-BFGS-B").x.reshape(2, -1)
+    found = minimize(cost, np.zeros(2 * len(chosen)), method="L-BFGS-B")
+    best = found.x.reshape(2, -1)
 
     def near(i: int, of_mean: float, of_spread: float) -> tuple[float, tuple[float, float]]:
         """Return the cost, and mean and spread, of a kind at distances from its most probable."""
@@ -128,7 +129,7 @@ def learned(
     out = {}
     for i, kind in enumerate(chosen):
         wide = [
-            STEP / np.sqrt(max(near(i, *off)[0] + near(i, *-off)[0] - 2 * near(i, 0, 0)[0], STEP**2))
+            STEP / np.sqrt(max(near(i, *off)[0] + near(i, *-off)[0] - 2 * found.fun, STEP**2))
             for off in STEP * np.eye(2)
         ]
         each = [near(i, wide[0] * a, wide[1] * b) for a in AROUND for b in AROUND]
@@ -138,12 +139,4 @@ def learned(
         average = float(weight @ mean / weight.sum())
         square = float(weight @ (std**2 + (mean - average) ** 2) / weight.sum())
         out[kind] = (average, float(np.sqrt(square)))
-    return out
-
-
-def by_place(priors: Priors) -> dict[str, dict[str, tuple[float, float]]]:
-    """Return means and spreads by place, then by parameter, as a model's ``PriorBelief`` has them."""
-    out: dict[str, dict[str, tuple[float, float]]] = {}
-    for (place, parameter), pair in priors.items():
-        out.setdefault(place, {})[parameter] = pair
     return out

@@ -557,8 +557,8 @@ class ModeFunction(FitFunction[ModeProblem]):
             return found
         return min(found, solve(first.x, stage, max_iterations, **how), key=lambda s: s.cost)
 
-    def allowed_squares(self) -> Floats:
-        """Return the mean squares that a right model may leave beyond noise, of each group."""
+    def allowed_squares(self, *, usual: bool = False) -> Floats:
+        """Return the mean squares that a right model may leave beyond noise, by group."""
         levels = self.levels()
         discrepancy = (DISCREPANCY_MAX * self.problem.discrepancy[levels.kind]) ** 2 * levels.n / levels.size
         # By how much more than stated the variance of noise may be [-]

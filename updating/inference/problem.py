@@ -194,10 +194,6 @@ class Problem(FitInputs[D]):
         """Return the mean squares that a right model may leave beyond noise, of each group, (n_groups,)."""
         return self.residuals(n_lines=FULL_LINES).allowed_squares()
 
-    def usual_squares(self) -> Floats:
-        """Return the mean squares that right models usually leave beyond noise at most, of each group."""
-        return self.residuals(n_lines=FULL_LINES).usual_squares()
-
     @abstractmethod
     def resampled(self, result: FitResult, misfit: Mapping[str, float], rng: np.random.Generator) -> Self:
         """Return the problem with data that a fitted model would have been measured to have.

@@ -259,8 +259,7 @@ class Search(Generic[P]):
     _extended: set[frozenset[str]] = field(default_factory=set, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
     # Of the problem beside them: they are asked for with every probability.
-    _allowed: tuple[P, Floats] | None = field(default=None, init=False)
-    _usual: tuple[P, Floats] | None = field(default=None, init=False)
+    _allowed: tuple[P, Floats, Floats] | None = field(default=None, init=False)
     # Of one fit by one problem: it is asked for from afar and from near.
     _last_scan: tuple[P, FitResult, tuple[Scanned, ...]] | None = field(default=None, init=False)
 
@@ -975,20 +974,22 @@ class Search(Generic[P]):
 
     def suffices(self, h: ScoredFit) -> bool:
         """Whether a hypothesis leaves no more than right models usually do: a search may end at it."""
-        if self._usual is None or self._usual[0] is not self.fits.problem:
-            self._usual = self.fits.problem, self.fits.problem.usual_squares()
-        return h.fitted.gain_to(self._usual[1]) < UNKNOWN_ODDS
+        return self.short_of(h, usual=True) < UNKNOWN_ODDS
 
     def unknown(self, best: ScoredFit) -> float:
         """Return the score of an effect that the library does not have, and that explains the data."""
         return best.score + self.short_of(best) - UNKNOWN_ODDS
 
-    def short_of(self, h: ScoredFit) -> float:
-        """Return by how much the log likelihood would rise if a hypothesis explained the data [nats]."""
+    def short_of(self, h: ScoredFit, *, usual: bool = False) -> float:
+        """Return by how much the log likelihood would rise if a hypothesis explained the data [nats].
+
+        It then leaves as much as a right model may, or with ``usual`` as right models usually do at most.
+        """
         problem = self.fits.problem
         if self._allowed is None or self._allowed[0] is not problem:
-            self._allowed = problem, problem.allowed_squares()
-        return float(h.fitted.gain_to(self._allowed[1]))
+            function = problem.residuals(n_lines=FULL_LINES)
+            self._allowed = problem, function.allowed_squares(), function.allowed_squares(usual=True)
+        return float(h.fitted.gain_to(self._allowed[1 + usual]))
 
     def is_hopeless(self, short: Sequence[float], n_effects: int) -> bool:
         """Whether rounds that each gain as much as the best one so far will not explain the data.
