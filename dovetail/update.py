@@ -74,7 +74,11 @@ class StudyUpdate(Printed):
 
     def __repr__(self) -> str:
         """Return the data and the ending on one line."""
-        return summary(self, f"{self.study.name}: updated to {' and '.join(self.to)}; {self.ending}")
+        return summary(self, self._first)
+
+    @property
+    def _first(self) -> str:
+        return f"{self.study.name}: updated to {' and '.join(self.to)}; {self.ending}"
 
     @property
     def ending(self) -> str:
@@ -83,8 +87,7 @@ class StudyUpdate(Printed):
 
     def printed(self) -> list[str]:
         """Return the parameters with their ±, and the errors, as ``dovetail update`` prints them."""
-        first = f"{self.study.name}: updated to {' and '.join(self.to)}; {self.ending}"
-        return [first, self.updated.table(), *errors_before_and_after(self)]
+        return [self._first, self.updated.table(), *errors_before_and_after(self)]
 
     def save(self, path: str | os.PathLike[str]) -> tuple[str, ...]:
         """Write the study with the updated values; return what of them a study file does not hold.

@@ -200,7 +200,7 @@ def second_state(
 def calibrated_errors(first: Calibrated) -> tuple[CalibratedErrors, Floats]:
     """Return what the first state leaves uncertain of its parameters, and what that does to its modes.
 
-    That are derivatives of ln f of the first state's modes by errors of each parameter, (n_errors, n).
+    The second are derivatives of ln f of its modes by errors of each parameter, (n_errors, n).
     Effects that both states have are among the parameters.
     """
     problem, fitted = first.problem, first.fitted

@@ -259,7 +259,7 @@ class Search(Generic[P]):
     _extended: set[frozenset[str]] = field(default_factory=set, init=False)
     _n_fits: Counter[frozenset[str]] = field(default_factory=Counter, init=False)
     # Of the problem beside them: they are asked for with every probability.
-    _allowed: tuple[P, Floats, Floats] | None = field(default=None, init=False)
+    _allowed: tuple[P, tuple[Floats, Floats]] | None = field(default=None, init=False)
     # Of one fit by one problem: it is asked for from afar and from near.
     _last_scan: tuple[P, FitResult, tuple[Scanned, ...]] | None = field(default=None, init=False)
 
@@ -988,8 +988,8 @@ class Search(Generic[P]):
         problem = self.fits.problem
         if self._allowed is None or self._allowed[0] is not problem:
             function = problem.residuals(n_lines=FULL_LINES)
-            self._allowed = problem, function.allowed_squares(), function.allowed_squares(usual=True)
-        return float(h.fitted.gain_to(self._allowed[1 + usual]))
+            self._allowed = problem, (function.allowed_squares(), function.allowed_squares(usual=True))
+        return float(h.fitted.gain_to(self._allowed[1][usual]))
 
     def is_hopeless(self, short: Sequence[float], n_effects: int) -> bool:
         """Whether rounds that each gain as much as the best one so far will not explain the data.
