@@ -54,7 +54,10 @@ def run(options: Options, progress: Progress) -> Answer:
         else:
             frames[path] = found
     if not frames:
-        msg = "no model explains its data: diagnose what they lack, and learn from the models that were found"
+        msg = (
+            "none of the models explains its data: diagnose what each lacks, and learn from the found.toml "
+            "of the diagnosis"
+        )
         raise NothingLearnedError(msg)
     progress("learning", 1, 1)
     known = list(frames.values())

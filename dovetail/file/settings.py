@@ -62,7 +62,11 @@ def with_stated_form(top: StudyTable, model: Model, folder: Path, *, form: bool)
 def _read_learned(path: Path) -> dict[str, dict[str, tuple[float, float]]]:
     """Read what was learned of the form: means and standard deviations by place and parameter."""
     text = path.read_text(encoding="utf-8")
-    values = tomllib.loads(text)
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as reason:
+        msg = f"{path.name}: {reason}"
+        raise ValueError(msg) from None
     top = StudyTable(Source(path.name, key_lines(text)), (), values)
     out: dict[str, dict[str, tuple[float, float]]] = {}
     for place, known in USUAL_FORM.items():

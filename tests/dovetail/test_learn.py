@@ -61,8 +61,8 @@ def test_a_study_reads_what_was_learned_of_the_form(tmp_path):
         ("[edge]\nu = [0.1, 0.2]\n", "ours.toml, line 1, edge: unknown key"),
         ("[corner]\nu = [0.1, 0.0]\n", "line 2, corner.u: 0 is not allowed as a standard deviation"),
         ("[corner]\nu = [0.1]\n", "line 2, corner.u"),
-        ("[corner\n", "form.file: "),
-        ("[corner]\nu = [0.1, ", "form.file: "),
+        ("[corner\n", "form.file: ours.toml: "),
+        ("[corner]\nu = [0.1, ", "form.file: ours.toml: "),
     ],
 )
 def test_a_wrong_file_of_the_form_is_refused_with_its_place(tmp_path, text, said):
