@@ -4,8 +4,10 @@ import argparse
 import errno
 import gc
 import os
+import shutil
 import signal
 import sys
+import textwrap
 import threading
 import traceback
 import warnings
@@ -17,42 +19,54 @@ from typing import Any
 
 from viz.offscreen import DrawingError
 
-COMMANDS = {
-    "new": "write a commented study to start from",
-    "check": "list probable faults of the model, such as loose parts, and what 'run' would refuse",
-    "plan": "say which missing effects a test could see and name, before it is made",
-    "modes": "compute natural frequencies and mode shapes",
-    "complex": "compute complex modes: frequencies and damping ratios with all damping",
-    "campbell": "compute natural frequencies and damping of a rotor over its speed, and critical speeds",
-    "unbalance": "compute responses of a rotor to its unbalance over its speed",
-    "frf": "compute FRFs from the excitations to the sensors",
-    "frf-estimate": "estimate FRFs from time data, with coherence",
-    "ensemble": "compute bands of natural frequencies and FRFs from uncertain parameters",
-    "base": "compute FRFs from a motion of the base to the sensors",
-    "static": "compute displacements, reactions and section forces under loads",
-    "buckling": "compute load factors and shapes of linear buckling",
-    "transient": "compute responses in time to forces, motions of the base, or the release of a load",
-    "spectrum": "combine the largest responses of modes to a response spectrum of the base",
-    "psd": "compute root mean squares and densities under random forces and motions of the base",
-    "open": "open the desk in a browser: compare, add effects, fit and save by hand",
-    "run": "compare, locate, diagnose and write a report",
-    "report": "write the report of a run or an update as a Word document or as PowerPoint slides",
-    "export": "write the effects found, or the model, as a deck of Nastran, Abaqus or ANSYS",
-    "compare": "compare the model's FRFs, or natural frequencies, with the measured ones",
-    "candidates": "list the effects that may be added, with places, parameters and units",
-    "locate": "find the sensors, bands and places that carry the misfit",
-    "diagnose": "find which effect the model lacks, without a report",
-    "history": "find what has changed in each of several states since the first one",
-    "identify-modes": "identify natural modes from measured FRFs or ambient responses, with uncertainty",
-    "match": "find where the points of a test's geometry lie on the model, with units and axes",
-    "update": "update uncertain parameters to measured modes or FRFs, with their uncertainty",
-    "identify-joint": "fit a joint to the measured FRFs, with its uncertainty, and propose it to the model",
-    "learn": "learn how far the form of frames is off, from frames that lack nothing",
-    "fleet": "compare many units of one structure: their population, and which units are not of it",
+GROUPS = {
+    "prepare a study and a test": {
+        "new": "write a commented study to start from",
+        "check": "list probable faults, such as loose parts, and what 'run' would refuse",
+        "match": "find where the points of a test's geometry lie on the model, with units and axes",
+        "plan": "say which missing effects a test could see and name, before it is made",
+    },
+    "find what the model lacks": {
+        "compare": "compare the model's FRFs, or natural frequencies, with the measured ones",
+        "locate": "find the sensors, bands and places that carry the misfit",
+        "candidates": "list the effects that may be added, with places, parameters and units",
+        "diagnose": "find which effect the model lacks, without a report",
+        "run": "compare, locate, diagnose and write a report",
+        "open": "open the desk in a browser: compare, add effects, fit and save by hand",
+        "update": "update uncertain parameters to measured modes or FRFs, with their uncertainty",
+        "history": "find what has changed in each of several states since the first one",
+        "learn": "learn how far the form of frames is off, from frames that lack nothing",
+        "fleet": "compare many units of one structure: their population, and which units are not of it",
+    },
+    "estimate from measured data": {
+        "frf-estimate": "estimate FRFs from time data, with coherence",
+        "identify-modes": "identify natural modes from measured FRFs or ambient responses, with uncertainty",
+        "identify-joint": "fit a joint to measured FRFs, with its uncertainty, and propose it to the model",
+    },
+    "compute responses of the model": {
+        "modes": "compute natural frequencies and mode shapes",
+        "complex": "compute complex modes: frequencies and damping ratios with all damping",
+        "frf": "compute FRFs from the excitations to the sensors",
+        "ensemble": "compute bands of natural frequencies and FRFs from uncertain parameters",
+        "base": "compute FRFs from a motion of the base to the sensors",
+        "static": "compute displacements, reactions and section forces under loads",
+        "buckling": "compute load factors and shapes of linear buckling",
+        "transient": "compute responses in time to forces, motions of the base, or the release of a load",
+        "spectrum": "combine the largest responses of modes to a response spectrum of the base",
+        "psd": "compute root mean squares and densities under random forces and motions of the base",
+        "campbell": "compute frequencies and damping of a rotor over its speed, and critical speeds",
+        "unbalance": "compute responses of a rotor to its unbalance over its speed",
+    },
+    "write reports and decks": {
+        "report": "write the report of a run or an update as a Word document or as PowerPoint slides",
+        "export": "write the effects found, or the model, as a deck of Nastran, Abaqus or ANSYS",
+    },
 }
-"""What each does, in the order of the help. Its module in `dovetail.commands` is imported when it is chosen:
-EXAMPLE and run, which returns an `Answer`; RESULTS are its files and add_arguments adds its other options,
-if there are some."""
+"""What each command does, by task, in the order of the help. Its module in `dovetail.commands` is imported
+when it is chosen: EXAMPLE and run, which returns an `Answer`; RESULTS are its files and add_arguments adds
+its other options, if there are some."""
+
+COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
 
 ALIASES = {"desk": "open"}
 """Commands by their other names."""
@@ -67,8 +81,8 @@ OURS = ("fem", "updating", "joint", "viz", "dovetail")
 """Packages whose ValueErrors name the fault of the input in one line."""
 
 DESCRIPTION = """\
-Compare a frame model with measured frequency responses, find which physical effect the model lacks, add it
-and report.
+Compare a frame model with measured frequency responses or modes, find which
+physical effect the model lacks, add it and report.
 """
 
 EPILOG = """\
@@ -77,8 +91,8 @@ begin with:
   dovetail check my-frame/study.toml
   dovetail run my-frame/study.toml --out my-frame/report
 
-docs/study-file.md describes the study file. Exit code: 0, 2 for bad input, 1 for anything else
-and for a search that was ended early.
+docs/study-file.md describes the study file. Exit code: 0, 2 for bad input, 1 for
+anything else and for a search that was ended early.
 """
 
 
@@ -244,18 +258,34 @@ def build_parser(commands: Collection[str] = tuple(COMMANDS)) -> argparse.Argume
     """Return the parser of all commands, with the arguments of some; only these are imported."""
     plain = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
-        "dovetail", description=DESCRIPTION, epilog=EPILOG, formatter_class=plain
+        "dovetail",
+        usage="dovetail COMMAND ... [-h] [--version]",
+        description=f"{DESCRIPTION}\n{_commands_in_groups()}",
+        epilog=EPILOG,
+        formatter_class=plain,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
     parser.set_defaults(debug=False)
-    sub = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    sub = parser.add_subparsers(prog="dovetail", metavar="COMMAND", required=True, help=argparse.SUPPRESS)
     for name, words in COMMANDS.items():
         description = f"{words[0].upper()}{words[1:]}."
-        known = {"help": words, "description": description, "formatter_class": plain}
+        known = {"description": description, "formatter_class": plain}
         p = sub.add_parser(name, aliases=[alias for alias, of in ALIASES.items() if of == name], **known)
         if name in commands:
             _add_arguments(p, name)
     return parser
+
+
+def _commands_in_groups() -> str:
+    """Return the commands with what they do, by task."""
+    names = {name: f"{name} ({alias})" for alias, name in ALIASES.items()}
+    lines = []
+    for group, commands in GROUPS.items():
+        lines += [f"{group}:"]
+        for name, words in commands.items():
+            text = textwrap.wrap(words, min(shutil.get_terminal_size().columns, 110) - 20)
+            lines += [f"  {names.get(name, name):16}{text[0]}", *(f"{'':18}{more}" for more in text[1:])]
+    return "\n".join(lines)
 
 
 def _add_arguments(p: argparse.ArgumentParser, name: str) -> None:

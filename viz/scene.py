@@ -21,6 +21,7 @@ from PIL import Image
 
 from fem.array_types import Floats
 from fem.declarations import SUPPORT_MARKER
+from fem.io.atomic import replacing
 from fem.model import Model
 from updating.measurement.measurement import Sensor
 from viz import style
@@ -292,7 +293,8 @@ class Scene:
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         # level 9, or `optimize`, takes two to three times as long and makes the file 1 % smaller
-        image.save(path, dpi=(self.dpi, self.dpi), compress_level=7)
+        with replacing(path) as scratch:
+            image.save(scratch, dpi=(self.dpi, self.dpi), compress_level=7)
         return path
 
 

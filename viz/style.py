@@ -17,6 +17,8 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 from PIL import Image
 
+from fem.io.atomic import replacing
+
 INK = "#1f2328"
 """Text, axes and measured data."""
 MUTED = "#6e7781"
@@ -102,14 +104,21 @@ def new_figure(width: float = WIDTH, height: float = 4.0) -> Figure:
 
 
 def save(figure: Figure, path: str | Path, dpi: float = DPI) -> Path:
-    """Write a figure to a file in the format of its suffix (png, pdf, svg) and return the path."""
+    """Write a figure to a file in the format of its suffix (png, pdf, svg) and return the path.
+
+    Raises
+    ------
+    WriteError
+        If the file cannot be written; one that was there before is as it was.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    if path.suffix.lower() == ".png":
-        path.write_bytes(figure_png(figure, dpi))
-    else:
-        with look():
-            figure.savefig(path, dpi=dpi)
+    with replacing(path) as scratch:
+        if path.suffix.lower() == ".png":
+            scratch.write_bytes(figure_png(figure, dpi))
+        else:
+            with look():
+                figure.savefig(scratch, dpi=dpi)
     return path
 
 

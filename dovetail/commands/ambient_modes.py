@@ -16,7 +16,6 @@ from dovetail.report.table import Column, Table
 from dovetail.study import Study
 from fem.io import UFF_SUFFIXES, write_npz
 from fem.io.arrays import MODE_STD
-from fem.io.atomic import replacing
 from updating.ambient.ambient_modes import AmbientModes, unexplained_words
 from updating.ambient.identification import identify_ambient
 from updating.ambient.set_ups import MergedModes, merge_set_ups
@@ -115,8 +114,7 @@ def _draw(path: Path, set_ups: Sequence[AmbientModes], names: Sequence[str]) -> 
 
     for k, (found, name) in enumerate(zip(set_ups, names, strict=True), 1):
         file = path if len(set_ups) == 1 else path.with_stem(f"{path.stem}-{k}")
-        with replacing(file) as scratch:
-            save(plot_ambient(found, name if len(set_ups) > 1 else ""), scratch)
+        save(plot_ambient(found, name if len(set_ups) > 1 else ""), file)
 
 
 def _write(

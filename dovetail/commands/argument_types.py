@@ -89,11 +89,18 @@ def add_kind(p: argparse.ArgumentParser) -> None:
 
 def add_placing(p: argparse.ArgumentParser, where: str) -> None:
     """Add the options of placing a test's geometry on a mesh or a model."""
-    words = "largest distance [m] (default 0.01)"
+    words = f"largest distance of a test's point from the {where} [m] (default 0.01)"
     p.add_argument("--tolerance", type=positive, default=0.01, metavar="M", help=words)
-    p.add_argument("--unit", choices=["m", "mm", "cm", "in", "ft"], help="of the geometry (default: found)")
-    p.add_argument("--same-axes", action="store_true", help=f"the geometry has the {where}'s axes and origin")
-    words = "which of several placements, as an error numbers them"
+    p.add_argument(
+        "--geometry-unit",
+        dest="unit",
+        choices=["m", "mm", "cm", "in", "ft"],
+        help="of the test's points (default: found)",
+    )
+    p.add_argument(
+        "--same-axes", action="store_true", help=f"the test's points are in the {where}'s axes and origin"
+    )
+    words = "where the points fit the structure in several ways, the one that the message numbers K"
     p.add_argument("--alternative", type=int, metavar="K", help=words)
 
 

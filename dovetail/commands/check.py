@@ -12,7 +12,6 @@ from dovetail.file.table import StudyError
 from dovetail.notebook.faults import faults_of
 from dovetail.report.table import Column, Table
 from dovetail.study import Study, load_study
-from fem.io.atomic import replacing
 from fem.lengths import show_lengths
 from updating.measurement.measurement import usable_lines
 
@@ -31,8 +30,7 @@ def run(options: Options, progress: Progress) -> Answer:
         from viz.render import render_faults
 
         progress("drawing the faults")
-        with replacing(options.picture) as scratch:
-            render_faults(study.model, faults.found, scratch)
+        render_faults(study.model, faults.found, options.picture)
     notes = [*notes_of_mesh(study), *assumptions(study)]
     refused = f"{options.study}: 'dovetail run' would refuse it: {refusals[0]}" if refusals else ""
     found = [

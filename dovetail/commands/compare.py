@@ -8,7 +8,8 @@ import numpy as np
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import AddEffect, SetValues, add_bands, values_by_name
-from dovetail.commands.common import Options, check_places, loaded, noted
+from dovetail.commands.common import Options, loaded, noted
+from dovetail.commands.results import Results, save_picture
 from dovetail.disk.output import Progress
 from dovetail.file.contents import has_modes_alone
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from dovetail.study import Study
 
 EXAMPLE = "dovetail compare study.toml --add point_mass:beam --set mass=0.45,position=0.12 --fitted"
+
+RESULTS = Results(picture="the FRFs, or natural frequencies, with the largest errors")
 
 NULLS = {
     "held_out_db": "no compared line is held out",
@@ -65,7 +68,6 @@ def run(options: Options, progress: Progress) -> Answer:
     from updating.diagnosis.begin import begin_fitted
     from updating.quality.signs import reversed_channels
 
-    check_places(options)
     study = loaded(options)
     for name, values in options.added:
         study = study.add(name, **values)
@@ -87,6 +89,7 @@ def run(options: Options, progress: Progress) -> Answer:
     what = "with fitted parameters" if options.fitted else "nominal"
     label = what + " with added effects" * bool(study.added)
     c = StudyComparison.of(problem, found, options.bands, study.name, label)
+    save_picture(options, c.still)
     exchanged = exchanged_labels(problem.measured, c.computed, problem.data.mask)
     rows, columns = ({n for side, *pair in exchanged if side == word for n in pair} for word in SIDES)
     turned = reversed_channels(problem, found, rows, columns)
@@ -122,7 +125,7 @@ def _compare_amplitudes(options: Options, study: "Study", progress: Progress) ->
     No line is held out, and FRAC, which needs phases, is left out.
     """
     from dovetail import result
-    from dovetail.notebook.comparison import table_of_errors
+    from dovetail.notebook.comparison import frfs, table_of_errors, worst_pairs
     from updating.correlation.frf_correlation import compare as compare_frfs
     from updating.measurement.computed import computed_frf
 
@@ -131,6 +134,8 @@ def _compare_amplitudes(options: Options, study: "Study", progress: Progress) ->
     frf = m.frf.select(band=study.band)
     computed = computed_frf(study.model, m.sensors, m.excitations, frf.frequency, frf.kind)
     c = compare_frfs(frf, replace(frf, H=np.abs(computed.H).astype(complex)), options.bands)
+    title = f"{study.name}, nominal: the amplitudes with the largest errors"
+    save_picture(options, lambda: frfs(frf, {"nominal": computed}, worst_pairs(c), title))
     c = replace(c, phase_deg=np.full(c.phase_deg.shape, np.nan), frac=np.full(c.frac.shape, np.nan))
     return Answer(
         study,

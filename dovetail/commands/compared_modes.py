@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, noted
+from dovetail.commands.results import save_picture
 from dovetail.disk.output import Progress
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def compare_modes(options: Options, study: "Study", progress: Progress) -> Answe
     problem, found = _fitted(study, progress) if options.fitted else _nominal(study)
     what = "with fitted parameters" if options.fitted else "nominal"
     c = StudyModeComparison.of(problem, found, study.name, what)
+    save_picture(options, c.still)
     fitted = found if options.fitted else None
     added = study.added if fitted is None else fitted.effects
     return Answer(

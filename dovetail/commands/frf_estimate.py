@@ -137,8 +137,7 @@ def run(options: Options, progress: Progress) -> Answer:
         from viz.curves import plot_estimate
         from viz.style import save
 
-        with replacing(options.picture) as scratch:
-            save(plot_estimate(estimate, title=options.out.stem), scratch)
+        save(plot_estimate(estimate, title=options.out.stem), options.picture)
     return _report(options, estimate, [*dict.fromkeys(n for c in chosen for n in c.notes), *notes])
 
 

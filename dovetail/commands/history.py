@@ -4,7 +4,6 @@ from dovetail.commands.answer import Answer
 from dovetail.commands.common import Options, loaded, noted
 from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
-from fem.io.atomic import replacing
 from fem.model import Effect
 
 EXAMPLE = "dovetail history study.toml --picture history.png"
@@ -29,8 +28,7 @@ def run(options: Options, progress: Progress) -> Answer:
             [s.std for s in history.states],
             changes,
         )
-        with replacing(options.picture) as scratch:
-            save(figure, scratch)
+        save(figure, options.picture)
     printed = [*history.printed(), *noted(study.measured_notes)]
     return Answer(study, printed, history.as_dict())
 

@@ -13,7 +13,6 @@ from dovetail.disk.output import OutputError, Progress
 from dovetail.file.config import NEEDS
 from dovetail.update import identify_study
 from fem.io import UFF_SUFFIXES, write_npz
-from fem.io.atomic import replacing
 from updating.measurement.measurement import motions_of
 
 EXAMPLE = "dovetail identify-modes study.toml --picture stabilisation.png --out modes.uff"
@@ -89,8 +88,7 @@ def run(options: Options, progress: Progress) -> Answer:
 
             progress("drawing")
             draw = plot_stabilisation if kind == "stabilisation" else plot_synthesis
-            with replacing(path) as scratch:
-                save(draw(data.frf, found), scratch)
+            save(draw(data.frf, found), path)
     table = table_of_modes(found, mpc=found.mpc, mpd_deg=found.mpd)
     return Answer(
         study,

@@ -4,10 +4,12 @@ import argparse
 
 from dovetail.commands.answer import Answer
 from dovetail.commands.argument_types import add_bands, count
-from dovetail.commands.common import Options, check_places, loaded
+from dovetail.commands.common import Options, loaded
+from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
 
-EXAMPLE = "dovetail locate study.toml"
+EXAMPLE = "dovetail locate study.toml --picture located.png"
+RESULTS = Results(picture="sensors, members and joints coloured by their part in the misfit", rendered=True)
 
 
 def add_arguments(p: argparse.ArgumentParser) -> None:
@@ -23,8 +25,9 @@ def run(options: Options, progress: Progress) -> Answer:
     from dovetail.notebook.located import located
     from dovetail.result import localisation_dict
 
-    check_places(options)
     study = loaded(options)
     found = located(study, options.bands, progress)
+    if options.picture is not None:
+        found.draw(options.picture)
     sheets = [found.sensors, *([found.places] if found.where.says_where else [])]
     return Answer(study, found.printed(options.number), localisation_dict(found.where), sheets=sheets)

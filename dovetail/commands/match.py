@@ -10,7 +10,6 @@ from dovetail.commands.results import Results
 from dovetail.disk.output import Progress
 from dovetail.file.named_points import read_named_points, unit_of
 from dovetail.report.table import Column, Table
-from fem.io.atomic import replacing
 
 EXAMPLE = "dovetail match study.toml geometry.unv --tolerance 0.005 --picture match.png"
 
@@ -45,8 +44,7 @@ def run(options: Options, progress: Progress) -> Answer:
         from viz.correlation import plot_geometry_match
         from viz.style import save
 
-        with replacing(options.picture) as scratch:
-            save(plot_geometry_match(mesh, found, names), scratch)
+        save(plot_geometry_match(mesh, found, names), options.picture)
     places = [mesh.nearest_on_members(mesh.points[p]) for _, p in found.pairs.tolist()]
     points_on = mesh.points[[p for _, p in found.pairs.tolist()]]
     table = Table.of(

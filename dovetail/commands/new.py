@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dovetail.commands.answer import Answer
-from dovetail.commands.argument_types import add_placing, positive
+from dovetail.commands.argument_types import add_placing
 from dovetail.commands.common import Options, assumptions, noted, warn
 from dovetail.disk.output import OutputError, Progress, is_ours, result_folder
 
@@ -37,24 +37,18 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--units",
         default="SI",
-        help="of a deck with sections, such as mm-t-s, or length,mass,time in m, kg and s (default SI)",
+        help="of a deck, such as mm-t-s, or length,mass,time in m, kg and s; of a mesh, such as mm (default "
+        "SI)",
     )
     p.add_argument(
         "--geometry",
         type=Path,
         metavar="FILE",
-        help="of the test, where FRFS has none: a universal file, or a table (CSV) of name, x [mm], y [mm], "
-        "z [mm]",
+        help="points of the test, where the file of FRFs has none: a universal file, or a table (CSV) of "
+        "name, x [mm], y [mm], z [mm]",
     )
     p.add_argument(
         "--kind", choices=["receptance", "mobility", "accelerance"], help="of FRFs whose file does not say it"
-    )
-    p.add_argument(
-        "--mesh-scale",
-        type=positive,
-        default=1.0,
-        metavar="S",
-        help="metres in the mesh's unit, 0.001 for mm",
     )
     add_placing(p, "mesh")
 
@@ -108,7 +102,6 @@ def _from_test(options: Options, progress: Progress) -> Answer:
     structure = read_structure(
         mesh,
         folder,
-        scale=options.mesh_scale,
         units=_units(options.units),
         mesh_will_do=measured is not None,
     )

@@ -70,7 +70,7 @@ def add_arguments(p: argparse.ArgumentParser) -> None:
         type=count,
         nargs=2,
         metavar=("NOW", "MORE"),
-        help="say how much more would be named after MORE averages, if the noise is that of NOW",
+        help="numbers of averages: the noise is that of NOW; say how much more would be named with MORE",
     )
     p.add_argument(
         "--check",

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from numpy.typing import ArrayLike
 
@@ -15,6 +15,9 @@ from dovetail.study import Study
 from fem.elements.frame import Frame
 from fem.io import write_fields
 from viz.offscreen import require_drawing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOTION_FORMATS = (".vtu", ".vtk", ".xdmf")
 
@@ -121,6 +124,14 @@ class Results:
 def _in_folder(name: str) -> Callable[[str], Path]:
     """Return a reader of a file's path, which has a name in a folder: one that exists, or without suffix."""
     return lambda text: Path(text) / name if Path(text).is_dir() or not Path(text).suffix else Path(text)
+
+
+def save_picture(options: Options, draw: Callable[[], "Figure"]) -> None:
+    """Write the figure that a command draws, if its picture is asked for."""
+    if options.picture is not None:
+        from viz.style import save
+
+        save(draw(), options.picture)
 
 
 def write_motions(

@@ -32,6 +32,7 @@ from fem.mesh import Mesh, MeshError, free_name
 from fem.model import DIRECTIONS, Damping, Model
 from fem.plausibility import si_number
 from fem.sections.section import Section
+from updating.measurement.matching import SCALES
 
 MESH = "mesh.inp"
 """Name of the mesh file beside the study."""
@@ -91,7 +92,6 @@ def read_structure(
     file: Path,
     folder: Path,
     *,
-    scale: float = 1.0,
     units: str | Sequence[float] = "SI",
     mesh_will_do: bool = False,
 ) -> Structure:
@@ -101,10 +101,9 @@ def read_structure(
     ----------
     file, folder : Path
         The deck or the mesh, and the folder of the study.
-    scale : float
-        Metres in a mesh's unit. With another one than 1, a deck is read as a mesh.
     units : str or (length, mass, time)
-        Of a deck.
+        Of a deck, such as ``"mm-t-s"``; of a mesh's coordinates, such as ``"mm"``, with which a deck is read
+        as a mesh.
     mesh_will_do : bool
         Whether a deck that is no model is read as a mesh.
 
@@ -114,10 +113,12 @@ def read_structure(
         If the file cannot be read.
     """
     notes: list[str] = []
-    sizes = DeckUnits.of(units)  # wrong units are no reason to read a deck as a mesh
+    unit = SCALES.get(units) if isinstance(units, str) else None
+    sizes = DeckUnits.of("SI" if unit else units)  # wrong ones are no reason to read a deck as a mesh
+    scale = unit or sizes.length
     is_deck = program_of(file) is not None
-    if is_deck and scale != 1:
-        notes.append("the deck is read as a mesh: give --units in place of --mesh-scale for its sections")
+    if is_deck and unit:
+        notes.append(f"the deck is read as a mesh in {units}: for its sections give units such as mm-t-s")
     elif is_deck:
         try:
             deck = read_deck(file, units)

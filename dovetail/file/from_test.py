@@ -194,7 +194,7 @@ def _size_hint(structure: Structure, points: NamedPoints, nodes: Sequence[str]) 
     size, tested = (float(np.ptp(xyz, axis=0).max()) for xyz in (structure.mesh.points, points.at(nodes)))
     if not 700 * tested < size < 2500 * tested:
         return ""
-    option = "--units mm-t-s" if structure.complete else "--mesh-scale 0.001"
+    option = "--units mm-t-s" if structure.complete else "--units mm"
     return (
         f"the structure is {size / tested:.0f} times as large as the test ({size:.4g} m and {tested:.4g} m): "
         f"if it is in mm, give {option}"

@@ -160,6 +160,6 @@ def unit_of(points: NamedPoints, asked: str | None, path: Path) -> str | None:
         If a unit is asked for, and the file states one.
     """
     if points.unit is not None and asked is not None:
-        msg = f"{path}: its heading states the unit of the coordinates; leave --unit out"
+        msg = f"{path}: its heading states the unit of the coordinates; leave --geometry-unit out"
         raise StudyError(msg)
     return points.unit or asked

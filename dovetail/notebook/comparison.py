@@ -1,10 +1,11 @@
 """A comparison for notebooks: numbers, tables and figures of computed and measured FRFs."""
 
 from base64 import b64encode
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from html import escape
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from fem.summary import summary
 from updating import correlation
 from updating.inference.fit import FitProblem
 from updating.inference.fit_result import FitResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,12 +119,7 @@ class StudyComparison(Printed, correlation.Comparison):
 
     def worst_pairs(self, n: int = 4) -> tuple[tuple[str, str], ...]:
         """Return the pairs of output and input with the largest errors, the largest first."""
-        square = self.log_ratio.real**2
-        seen = np.isfinite(square)
-        mean = np.where(seen, square, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
-        order = np.argsort(-mean, axis=None)[:n]
-        where = zip(*np.unravel_index(order, mean.shape), strict=True)
-        return tuple((self.outputs[int(i)], self.inputs[int(j)]) for i, j in where)
+        return worst_pairs(self, n)
 
     def plot(
         self,
@@ -155,6 +154,12 @@ class StudyComparison(Printed, correlation.Comparison):
         label = self.label if self.label not in models else f"{self.label}, after"
         marked = {"held_out": self.held_out, "compared": np.isfinite(self.log_ratio)}
         return draw(frf(self.measured, {**models, label: self.computed}, pair, **marked))
+
+    def still(self, n: int = 4) -> "Figure":
+        """Return a matplotlib figure of the ``n`` FRFs with the largest errors, magnitude [dB] and phase."""
+        marked = {"held_out": self.held_out, "compared": np.isfinite(self.log_ratio)}
+        title = f"{self.name}, {self.label}: the FRFs with the largest errors"
+        return frfs(self.measured, {self.label: self.computed}, self.worst_pairs(n), title, **marked)
 
     def plot_map(self) -> Any:
         """Return an interactive plotly figure of the error of each sensor in each band [dB]."""
@@ -218,6 +223,30 @@ class StudyComparison(Printed, correlation.Comparison):
         shown = f'<img alt="{escape(words)}" {look} src="data:image/png;base64,{picture}">'
         style = 'style="display:flex;flex-wrap:wrap;align-items:flex-start;gap:2em"'
         return f"<p>{escape(inner(self.misfit))}</p><div {style}>{head}{shown}</div>"
+
+
+def worst_pairs(c: correlation.Comparison, n: int = 4) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of output and input with the largest errors, the largest first."""
+    square = c.log_ratio.real**2
+    seen = np.isfinite(square)
+    mean = np.where(seen, square, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+    order = np.argsort(-mean, axis=None)[:n]
+    where = zip(*np.unravel_index(order, mean.shape), strict=True)
+    return tuple((c.outputs[int(i)], c.inputs[int(j)]) for i, j in where)
+
+
+def frfs(
+    measured: FRF,
+    models: Mapping[str, FRF],
+    pairs: Iterable[tuple[str, str]],
+    title: str = "",
+    **marked: Any,
+) -> "Figure":
+    """Return a matplotlib figure of some FRFs, measured and computed; see :func:`viz.curves.frf`."""
+    from viz.curves import frf
+    from viz.still import draw
+
+    return draw([frf(measured, models, pair, **marked) for pair in pairs], title)
 
 
 def table_of_errors(c: correlation.Comparison) -> Table:

@@ -1,6 +1,7 @@
 """Sensors, bands and places that carry the misfit of a study, as a user meets them."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -8,11 +9,14 @@ from dovetail import pipeline
 from dovetail.file.contents import StudyContents
 from dovetail.file.settings import N_BANDS
 from dovetail.report import words
+from dovetail.report.drawn import draw_misfit
 from dovetail.report.printed import Printed
 from dovetail.report.table import Column, Table, columns_of_bands
+from fem.model import Model
 from fem.summary import summary
 from updating.diagnosis.begin import begin_fitted
 from updating.diagnosis.localisation import Localisation, locate
+from updating.measurement.measurement import Sensor
 from updating.quality.corrections import Fault
 
 SHARE = "share of the misfit that a change there would explain"
@@ -30,6 +34,9 @@ class Located(Printed):
         Error of the amplitude on the lines of the fit [dB].
     where : Localisation
         Errors of sensors and bands [dB], and shares of members and places [-].
+    model : Model
+    test : tuple of Sensor
+        The compared sensors.
     faults : tuple of Fault
         Faults of the measurement that were corrected.
     notes : tuple of str
@@ -39,6 +46,8 @@ class Located(Printed):
     name: str
     fit_db: float
     where: Localisation
+    model: Model
+    test: tuple[Sensor, ...]
     faults: tuple[Fault, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -71,6 +80,11 @@ class Located(Printed):
             Column(SHARE, [s for _, s in shares], "%", "{:.1f} %".format, 100, head=SHARE),
         )
 
+    def draw(self, path: str | Path) -> Path:
+        """Write a picture (PNG) of the structure: sensors by their errors, members and joints by shares."""
+        shown = self.where if self.where.says_where else None
+        return draw_misfit(self.model, self.test, self.where.by_sensor_db, path, shown)
+
     def printed(self, number: int = 20) -> list[str | Table]:
         """Return the lines and tables of ``dovetail locate`` with the first ``number`` sensors and places."""
         return [
@@ -96,4 +110,5 @@ def located(
     problem, fitted, faults = begin_fitted(problem)
     say("locating the misfit", 0.5)
     where = locate(problem, fitted, n_bands)
-    return Located(study.name, fitted.fit_db, where, faults, study.measured_notes)
+    sensors = problem.data.measurement.sensors
+    return Located(study.name, fitted.fit_db, where, study.model, sensors, faults, study.measured_notes)

@@ -1,7 +1,7 @@
 """Comparisons by modes as a user meets them: measured and computed frequencies as a table."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from fem.summary import counted, summary
 from updating.diagnosis.mode_table import frequency_error
 from updating.inference.fit_result import FitResult
 from updating.inference.mode_fit import ModeProblem
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -105,6 +108,14 @@ class StudyModeComparison(Printed):
             f"{100 * self.noise_level:.2g} %",
             self.table,
         ]
+
+    def still(self) -> "Figure":
+        """Return a matplotlib figure of how far the frequencies are off, mode by mode [%]."""
+        from viz.frequencies import deviations
+        from viz.still import draw
+
+        title = f"{self.name}, {self.label}: natural frequencies"
+        return draw(deviations(self.measured, self.std, {self.label: self.computed}, self.held_out, title))
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the columns in plain types, mode by mode."""

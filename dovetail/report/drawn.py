@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from dovetail.report import words
 from dovetail.result import FrfResult, RunResult, bands_of_lines, by_frfs
 from fem.analysis.frf import FRF
+from fem.model import Model
 from fem.summary import counted
 from updating.correlation import DB_PER_NEPER
 from updating.diagnosis.findings import Ranked
@@ -170,6 +172,37 @@ def failing_places(where: Localisation) -> list[tuple[MarkedPlace, float]]:
         for xyz in where.points[name]:
             out.setdefault(tuple(np.round(xyz, 9)), (MarkedPlace(xyz, name, words.place(name)), 100 * share))
     return list(out.values())
+
+
+def draw_misfit(
+    model: Model,
+    sensors: Sequence[Sensor],
+    db: NDArray[np.float64],
+    path: str | Path,
+    where: Localisation | None = None,
+    *,
+    members: bool = True,
+    most: float | None = None,
+) -> Path:
+    """Draw sensors by their errors (n,) from 0 to ``most`` [dB], and places by their shares, if known."""
+    from viz.render import render_misfit
+
+    known = np.isfinite(db)
+    seen = [s for s, has in zip(sensors, known, strict=True) if has]
+    places = failing_places(where) if where is not None else ()
+    return render_misfit(
+        model,
+        [s.point for s in seen],
+        [s.direction for s in seen],
+        db[known],
+        [s.name for s in seen],
+        path,
+        members=failing_members(where) if where is not None and members else None,
+        joints=[(place.point, share) for place, share in places],
+        label="error [dB]",
+        members_label="share of the misfit [%]",
+        limits=(0.0, float(np.nanmax(db)) if most is None else most),
+    )
 
 
 def misfit_steps(result: FrfResult) -> list[tuple[str, int, str]]:

@@ -12,9 +12,8 @@ from dovetail.report.drawings import Album
 from dovetail.report.drawn import (
     FRF_ERROR,
     compared_models,
+    draw_misfit,
     error_bands,
-    failing_members,
-    failing_places,
     fits_of,
     frf_error,
     held_out_bands,
@@ -160,37 +159,22 @@ def _draw_structure(result: RunResult[Verdict], album: Album) -> None:
 
 
 def _draw_misfit(result: FrfResult, album: Album) -> None:
-    from viz import render
-
-    model, m = result.study.model, result.diagnosis.problem.data.measurement
-    points, directions, names = (
-        np.array([getattr(s, key) for s in m.sensors]) for key in ("point", "direction", "name")
-    )
-    before = result.comparisons[misfit_steps(result)[0][1]].by_sensor()
-    limits = 0.0, float(np.nanmax(before))
-    where = result.localisation
-    telling = where is not None and where.says_where
-    shares, joints = (failing_members(where), failing_places(where)) if where and telling else ({}, [])
-    shown = {
-        "joints": [(place.point, v) for place, v in joints],
-        "label": "error [dB]",
-        "members_label": "share of the misfit [%]",
-        "limits": limits,
-    }
+    model, sensors = result.study.model, result.diagnosis.problem.data.measurement.sensors
+    most = float(np.nanmax(result.comparisons[misfit_steps(result)[0][1]].by_sensor()))
+    where = result.localisation if result.localisation and result.localisation.says_where else None
     for name, step, what in misfit_steps(result):
-        members = shares if name == "fitted" and shares else None
-        alt = f"The structure with its sensors coloured by their error, {what}."
+        members = name == "fitted" and where is not None and bool(where.members)
         caption = f"Error of each sensor on the structure, {what}"
         if members:
             caption += "; members, joints and supports by the share of it that a change there would explain"
-        db = result.comparisons[step].by_sensor()
-        known = np.isfinite(db)
-        at = points[known], directions[known], db[known], names[known].tolist()
+        drawn = sensors, result.comparisons[step].by_sensor()
         album.add(
             f"misfit-{name}",
-            alt,
+            f"The structure with its sensors coloured by their error, {what}.",
             f"{caption}.",
-            lambda p, at=at, members=members: render.render_misfit(model, *at, p, members=members, **shown),
+            lambda p, drawn=drawn, members=members: draw_misfit(
+                model, *drawn, p, where, members=members, most=most
+            ),
         )
 
 

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 from dovetail import load_study, main
+from dovetail.cli import COMMANDS as ALL_COMMANDS
+from dovetail.cli import GROUPS
 from dovetail.commands.argument_types import count, natural, share
 from dovetail.report.page import page
 from fem import FRF, assemble, compute_frf
@@ -21,6 +23,7 @@ from fem.io import read_csv, read_npz, read_uff, write_npz
 from tests.frames import CROSSED_BEAMS
 from tests.studies import study_file
 from updating import sensor_rows
+from viz.offscreen import can_draw
 
 COMMANDS = ("new", "check", "modes", "frf", "report", "identify-joint")
 
@@ -105,6 +108,23 @@ def test_help_and_version(capsys):
     assert all(command in out for command in COMMANDS)
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("dovetail ")
+
+
+def test_help_lists_every_command_in_its_group(capsys):
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    groups = [line for line in lines if line.rstrip(":") in GROUPS]
+    assert groups == [f"{group}:" for group in GROUPS]
+    listed = {line.split()[0] for line in lines if line.startswith("  ") and not line.startswith("   ")}
+    assert {*ALL_COMMANDS} <= listed
+
+
+@pytest.mark.parametrize("command", ["compare", "locate"])
+def test_commands_that_draw_into_a_folder(portal, tmp_path, command):
+    if command == "locate" and not can_draw():
+        pytest.skip("no OpenGL")
+    assert main([command, str(portal), "--quiet", "--picture", str(tmp_path)]) == 0
+    assert (tmp_path / f"{command}.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_python_m_study(root, portal):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dovetail import load_study, main
-from fem.io import Points, read_uff, write_uff
+from fem.io import Points, read_mesh, read_uff, write_uff
+from fem.io.abaqus import abaqus_text
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_a_test_in_other_axes_and_millimetres(tmp_path, cross, lying, capsys):
     turn = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]])
     turn = turn @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) if lying else turn
     file = moved(cross[0], tmp_path / "t.uff", turn, np.array([0.2, -0.1, 0.5]), 1e-3)
-    assert new(tmp_path, file, cross[1], "--unit", "mm") == 0
+    assert new(tmp_path, file, cross[1], "--geometry-unit", "mm") == 0
     study = load_study(tmp_path / "s" / "study.toml", ("sensors",))
     points = read_uff(cross[0]).points
     assert len(study.sensors) == len(study.measurements[0].frf.outputs) > 10
@@ -57,6 +58,17 @@ def test_a_test_in_other_axes_and_millimetres(tmp_path, cross, lying, capsys):
         node, letter = int(sensor.name[:-2]), "XYZ".index(sensor.name[-2])
         np.testing.assert_allclose(sensor.point, points.at(node), atol=2e-3)
         np.testing.assert_allclose(sensor.direction, turn[:, letter], atol=0.02)
+
+
+@pytest.mark.parametrize("units", ["mm", "mm-t-s"])
+def test_a_mesh_in_millimetres(tmp_path, portal, units):
+    mesh = read_mesh(portal[1])
+    (tmp_path / "mm.inp").write_text(abaqus_text(read_mesh(portal[1], 1e3)))
+    assert new(tmp_path, portal[0], tmp_path / "mm.inp", "--units", units) == 0
+    study = load_study(tmp_path / "s" / "study.toml", ("sensors",))
+    np.testing.assert_allclose(
+        np.ptp(study.model.mesh.points, axis=0), np.ptp(mesh.points, axis=0), rtol=1e-9
+    )
 
 
 @pytest.mark.slow  # the placements of a portal are searched twice
@@ -174,7 +186,7 @@ def test_frfs_of_a_table_with_points_of_a_table(tmp_path, portal, form, pair, he
     ("text", "more", "words"),
     [
         ("name,x [mm],y [m],z [m]\n1,0,0,0\n", [], "its coordinates have the units m, mm"),
-        ("name,x [mm],y [mm],z [mm]\n1,0,0,0\n", ["--unit", "m"], "leave --unit out"),
+        ("name,x [mm],y [mm],z [mm]\n1,0,0,0\n", ["--geometry-unit", "m"], "leave --geometry-unit out"),
         ("name,x,y,z\n1,0,0,0\n1,1,0,0\n", [], "two points have the name '1'"),
         ("name,x,y,z\n1,0,0\n", [], "row 2 is 1, 0, 0"),
     ],
