@@ -40,17 +40,17 @@ def next_measurements(base: Model, models: Sequence[Model], n: int, top: float) 
         return ()
     try:
         one, two = (first_modes(assemble(m, reciprocal=False), n + FURTHER) for m in models)
-    except (np.linalg.LinAlgError, ValueError):
+        rigid = one.n_rigid
+        alike = pair_modes(
+            one.frequency[rigid:],
+            one.shapes[:, rigid:],
+            two.frequency,
+            two.shapes,
+            frequency_spread=None,
+            n_rigid=two.n_rigid,
+        )
+    except (np.linalg.LinAlgError, ValueError):  # no structure
         return ()
-    rigid = one.n_rigid
-    alike = pair_modes(
-        one.frequency[rigid:],
-        one.shapes[:, rigid:],
-        two.frequency,
-        two.shapes,
-        frequency_spread=None,
-        n_rigid=two.n_rigid,
-    )
     proposals: list[tuple[float, str]] = []
     for i, j in sorted((rigid + i, j) for i, j in alike.pairs):
         f, g = one.frequency[i], two.frequency[j]

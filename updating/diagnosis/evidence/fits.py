@@ -9,13 +9,15 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from fem.analysis.modes import n_unstable
 from fem.model import Effect
+from fem.system import assemble
 from updating.diagnosis.evidence.absence import left_out
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.hypothesis import Odds, ScoredFit, Start, Values, values_of
 from updating.diagnosis.evidence.ranking import Ranking
 from updating.inference.belief import FAR_STD
-from updating.inference.fit_result import FitResult
+from updating.inference.fit_result import FitResult, fitted_model
 from updating.inference.fitting import FULL_LINES, QUICK_LINES, QUICK_NATS, fit, scattered
 from updating.inference.parameters import Nuisance
 from updating.inference.problem import Problem
@@ -205,11 +207,21 @@ class Fits(Generic[P]):
         fits = [self._where_it_is(problem, effects, values, tolerance=QUICK_NATS, **way) for way in ways]
         best = max(fits, key=lambda h: h.fitted.log_evidence)
         ended = self.scattered(problem, best)
-        if ended.fitted is not best.fitted:
-            return ended
-        return self._where_it_is(
-            problem, best.effects, values_of(best.effects), stages=last, x_from=best.fitted
-        )
+        if ended.fitted is best.fitted:
+            ended = self._where_it_is(
+                problem, best.effects, values_of(best.effects), stages=last, x_from=best.fitted
+            )
+        return ended if self._is_structure(ended) else replace(ended, prior=-np.inf)
+
+    def _is_structure(self, h: ScoredFit) -> bool:
+        """Whether the full model has no motion of negative stiffness: on the basis none may be seen.
+
+        What effects take away adds up, where a form takes away from the same stretch.
+        """
+        if not h.effects:
+            return True
+        system = assemble(fitted_model(self.problem.reduced.model, h.fitted), reciprocal=False)
+        return not n_unstable(system)
 
     def _where_it_is(
         self,
