@@ -1,14 +1,15 @@
 """Where the search goes on and where it ends, and by which bands it fits, with scores that are given."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fem import PointMass
-from fem.effects import RigidEndZone, SupportFlexibility, SupportShift
+from fem.effects import RigidEndZone, StiffnessLoss, SupportFlexibility, SupportShift
+from tests.frames import beam, fix
 from updating import FitResult
 from updating.diagnosis.evidence import (
     N_STARTS,
@@ -26,6 +27,8 @@ from updating.diagnosis.evidence import search as module
 from updating.forecast import EffectEstimate
 from updating.inference import ALONE
 from updating.inference.belief import UNKNOWN_ODDS
+
+CANTILEVER = beam(24).with_effect(fix(0))
 
 ODDS = 8.0
 """What an effect has to gain beyond its score [nats]."""
@@ -524,3 +527,20 @@ def test_a_hypothesis_is_near_the_data_although_one_of_many_values_is_unusual(of
     fits = Fits(problem, (), None, None)
     assert fits.is_near(h) is near
     assert fits.is_bent(h)
+
+
+@pytest.mark.parametrize(("loss", "possible"), [(0.4, True), (0.6, False)])
+def test_a_model_with_a_motion_of_negative_stiffness_has_no_probability(monkeypatch, loss, possible):
+    """Two losses of one stretch add up: of more than all of its stiffness the data may see nothing."""
+    (member,) = CANTILEVER.mesh.members
+    losses = [
+        replace(StiffnessLoss.propose(CANTILEVER)[0], name=name, loss=loss, position=0.3, member=member)
+        for name in "ab"
+    ]
+    fitted = SimpleNamespace(values={}, effects=tuple(losses), log_evidence=5.0)
+    problem = SimpleNamespace(reduced=SimpleNamespace(model=CANTILEVER), stages=())
+    monkeypatch.setattr(Fits, "_where_it_is", lambda self, *_, **__: ScoredFit(fitted, 1.0))
+    monkeypatch.setattr(Fits, "scattered", lambda self, problem, h: h)
+    monkeypatch.setattr(fits_module, "with_forces", lambda problem, *_: problem)
+    h = Fits(problem, (), None, None).fully(losses, ())
+    assert h.score == (6.0 if possible else -np.inf)

@@ -1,10 +1,12 @@
 """Modes and sensors that would tell two explanations of measured modes apart."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
 from fem import AddedMass, assemble, first_modes
+from fem.effects import StiffnessLoss
 from tests.frames import beam, fix
 from updating.diagnosis import BAND_BEYOND
 from updating.diagnosis.mode_separation import next_measurements
@@ -34,3 +36,10 @@ def test_modes_are_named_as_far_as_the_test_reaches(n):
 def test_one_explanation_and_two_that_are_alike_need_nothing_more():
     assert next_measurements(CANTILEVER, (CANTILEVER,), 3, 100.0) == ()
     assert next_measurements(CANTILEVER, (CANTILEVER, CANTILEVER), 3, 100.0) == ()
+
+
+def test_models_that_are_no_structure_are_not_compared():
+    losses = [
+        replace(StiffnessLoss.propose(CANTILEVER)[0], name=name, loss=0.6, position=0.3) for name in "ab"
+    ]
+    assert next_measurements(CANTILEVER, (CANTILEVER.with_effect(*losses), CANTILEVER), 3, 100.0) == ()
