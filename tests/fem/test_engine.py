@@ -35,10 +35,12 @@ from fem.effects import (
     MemberShear,
     MemberStiffness,
     MemberTorsion,
+    SectionShear,
     StiffnessLoss,
     SupportFlexibility,
 )
 from fem.reduction import LocalChanges, ParametricFRF, ReducedModel, reduce_model, values_of
+from fem.reduction.scaling import scaling_exponents
 from tests.frames import STEEL, beam, cross_beam, fix, portal
 
 WIDE = Section.rectangle(0.04, 0.01)
@@ -430,6 +432,15 @@ def test_what_others_parameters_but_multiply_is_formed_on_nominal_values(name, m
     assert any(e is effect for e, _, _ in plain._nonlinear)
     for found, expected in zip(quick.evaluate(x, zeta), plain.evaluate(x, zeta), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7 * abs(expected).max())
+
+
+def test_proportions_are_seen_in_small_differences_of_large_matrices():
+    """A coefficient of shear that is off by little changes the mass by a few 1e-12 of it, mostly rounding."""
+    model = beam(8, theory="timoshenko", section=Section.tube(0.05, 0.005))
+    shear = SectionShear.of(model)
+    shear = shear.with_values(**{p.name: 1 + 1e-7 for p in shear.parameters()})
+    by = {key: scaling_exponents(shear, model, ("frame", f"{key}:steel")) for key in ("E", "rho")}
+    assert (by["E"]["K"], by["E"]["M"], by["rho"]["K"], by["rho"]["M"]) == (1, 0, 0, 1)
 
 
 @pytest.mark.parametrize("kind", ["member", "joint"])
