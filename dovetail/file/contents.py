@@ -240,7 +240,10 @@ def measured(study: StudyContents, *, phases: bool = True) -> tuple[Measurement,
     """
     given = study.measurements or (() if phases else study.amplitudes)
     if not given:
-        msg = f"{study.path}: it has {study.lack_of_frfs}; there is nothing to compare the model with"
+        lack = "there is nothing to compare the model with"
+        if study.modes is not None:
+            lack = "this needs FRFs; 'compare', 'diagnose' and 'run' take modes alone"
+        msg = f"{study.path}: it has {study.lack_of_frfs}; {lack}"
         raise StudyError(msg)
     frf = given[0].frf
     for what, names, every in (

@@ -127,6 +127,11 @@ def test_commands_that_draw_into_a_folder(portal, tmp_path, command):
     assert (tmp_path / f"{command}.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_places_of_modes_alone_are_refused_with_what_takes_them(root, capsys):
+    assert main(["locate", str(root / "examples/four-storeys/study.toml")]) == 2
+    assert "this needs FRFs; 'compare', 'diagnose' and 'run' take modes alone" in capsys.readouterr().err
+
+
 def test_python_m_study(root, portal):
     done = subprocess.run(
         [sys.executable, "-m", "dovetail", "modes", portal, "--number", "2"],
