@@ -41,6 +41,15 @@ def propose(
     return in_plane(model, applicable((e for cls in classes for e in cls.propose(model)), model))
 
 
+def released_together(candidates: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return candidates such that those that release the same constraints follow one another.
+
+    Looks solve the model without these constraints once for all of them.
+    """
+    order = {key: n for n, key in enumerate(dict.fromkeys(e.released() for e in candidates))}
+    return tuple(sorted(candidates, key=lambda e: order[e.released()]))
+
+
 def admitted(effect: Effect | type[Effect], model: Model) -> float:
     """Return the probability before any data that a model's situation admits an effect [-].
 

@@ -13,7 +13,7 @@ from fem.linalg.solvers import one_thread
 from fem.model import Effect
 from fem.summary import fields_summary
 from updating.correlation import DB_PER_NEPER, compare
-from updating.diagnosis.candidates import propose
+from updating.diagnosis.candidates import propose, released_together
 from updating.forecast.forecast import Forecast
 from updating.forecast.grid import Grid
 from updating.forecast.look import Look
@@ -102,7 +102,7 @@ def locate(problem: FitProblem, result: FitResult, n_bands: int = 8) -> Localisa
     by_input = np.array([_rms(comparison.log_ratio[:, :, j].real) for j in range(len(m.inputs))])
     model = problem.reduced.model
     every = propose(model, None, (), problem.data.measurement)
-    candidates = [e for e in every if not (e.is_form or e.amplitude_dependent)]
+    candidates = released_together([e for e in every if not (e.is_form or e.amplitude_dependent)])
     shares = _shares(problem, result, candidates)
     members: dict[str, float] = dict.fromkeys(model.mesh.members, 0.0)
     places: dict[str, float] = {}

@@ -11,7 +11,7 @@ import numpy as np
 from fem.linalg.solvers import one_thread
 from fem.model import Effect, Model
 from updating.diagnosis.begin import calibrated
-from updating.diagnosis.candidates import propose, situated
+from updating.diagnosis.candidates import propose, released_together, situated
 from updating.diagnosis.evidence.budget import NORMAL, Budget
 from updating.diagnosis.evidence.fits import P
 from updating.diagnosis.evidence.hypothesis import ScoredFit
@@ -328,7 +328,8 @@ def candidates_for_test(
     model: Model, measurement: Measurement, kinds: Sequence[str] | None, exclude: Sequence[str]
 ) -> tuple[Effect, ...]:
     """Return all candidates except those that the form represents."""
-    return tuple(e for e in propose(model, kinds, exclude, measurement) if not e.is_form)
+    found = propose(model, kinds, exclude, measurement)
+    return released_together([e for e in found if not e.is_form])
 
 
 def search_progress(say: Progress, start_time: float) -> Callable[[str], None]:
