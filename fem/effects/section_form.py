@@ -77,8 +77,10 @@ class SectionForm(WithFrame):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the changes."""
+        # Shear governs short elements: K (1 - x). With x = 1/2 they give way twice as much, with 1 endlessly.
+        bounds = {"shear": (-0.9, 0.5)}
         return tuple(
-            Parameter(key, "-", getattr(self, key), 0.0, -0.9 if key == "shear" else -0.5, 1.0, linear=True)
+            Parameter(key, "-", getattr(self, key), 0.0, *bounds.get(key, (-0.5, 1.0)), linear=True)
             for key in self.keys
         )
 

@@ -60,6 +60,25 @@ def test_a_section_that_gives_way_to_shear_gives_a_cantilever_that_does():
     assert after - before == pytest.approx(0.01 * L / (FLAT.ky * G * FLAT.A), rel=0.03)
 
 
+def test_largest_shear_form_doubles_the_shear_flexibility():
+    """K (1 - x) of elements that shear governs: x = 1/2 leaves half of their stiffness, 1 would leave none.
+
+    With φ = 12 E I / (k G A l²) of an element, what it gives way grows by φ x / (1 - x φ / (1 + φ)).
+    """
+    n, L = 16, 0.1
+    model = beam(n, L, theory="timoshenko").with_effect(fix(0))
+    (form,) = (e for e in form_of(model)[0] if isinstance(e, SectionForm))
+    (upper,) = (p.upper for p in form.parameters() if p.name == "shear")
+    axes = model.effect("frame").rotations(model.mesh)[0]
+    direction, G = int(np.argmax(np.abs(axes[1]))), STEEL.E / (2 + 2 * STEEL.nu)
+    shear = L / (FLAT.ky * G * FLAT.A)
+    phi = 12 * STEEL.E * FLAT.Iz / (FLAT.ky * G * FLAT.A * (L / n) ** 2)
+    before = tip_compliance(model, direction)
+    after = tip_compliance(model.with_effect(form.with_values(shear=upper)), direction)
+    assert after - before == pytest.approx(shear * 0.5 / (1 - 0.5 * phi / (1 + phi)), rel=1e-6)
+    assert after - before == pytest.approx(shear, rel=2 / phi)
+
+
 def test_shear_that_is_uncertain_already_is_no_part_of_the_form():
     for section, uncertain in ((FLAT, True), (Section.hollow_rectangle(0.04, 0.03, 0.002), False)):
         model = beam(8, section=section, theory="timoshenko", effects=(fix(0),))

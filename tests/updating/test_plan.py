@@ -37,6 +37,7 @@ from updating.plan import (
     trials,
     with_averages,
 )
+from updating.plan.visibility import Rivals, gain_at, least_amplitudes
 
 BAND = np.linspace(20.0, 800.0, 44)
 """No more lines than those at which effects are looked at [Hz]."""
@@ -243,6 +244,25 @@ def test_an_effect_is_seen_before_it_is_located_and_located_before_it_is_named(m
     assert (enough[:, 0] <= enough[:, 1]).all()
     assert (enough[:, 1] <= enough[:, 2]).all()
     assert (enough[:, 0] < enough[:, 2]).any()
+
+
+def test_named_sizes_gain_what_small_effects_gain_where_they_are_told_from_rivals(masses):
+    """Cracks saturate: one that is told from its rivals is larger than in proportion to what is seen."""
+    v = masses.visibility
+    rows = np.array([i for i, x in enumerate(v.effects) if x.enough[0] < x.enough[2] < np.inf])
+    seen, _, named = np.array([v.effects[i].enough for i in rows]).T
+    wanted = needed(v.against)
+    _, in_proportion, _, _ = Rivals.of(v.forecast, v.against).separation_amplitudes(rows, seen, wanted[rows])
+    sides = [
+        v.forecast.littles[v.forecast.owner[i]].side(v.forecast.place[i], a)
+        for i, a in zip(rows, named, strict=True)
+    ]
+    gains = np.full(len(wanted), np.inf)
+    gains[rows] = [gain_at(v.forecast, i, a, 0.0) for i, a in zip(rows, sides, strict=True)]
+    gained, as_seen = (least_amplitudes(v.forecast, each, 0.0)[rows] for each in (gains, wanted))
+    assert np.median(gained / as_seen / (in_proportion / seen)) == pytest.approx(1.0, rel=0.05)
+    cracks = [v.effects[i].effect.kind == "crack" for i in rows]
+    assert (named[cracks] > 1.01 * in_proportion[cracks]).any()
 
 
 def test_an_effect_is_located_before_it_is_told_from_others_at_its_place(masses):

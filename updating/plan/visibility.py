@@ -218,6 +218,8 @@ class Visibility:
         slight = np.clip(least_amplitudes(forecast, wanted, self.discrepancy, self.averaged), 1.0, most)
         located, named, rival, alike = self._rivals.separation_amplitudes(rows, seen, wanted[rows])
         over_rival = np.where(named > (1 + 1e-6) * seen, needed(against[rows] - against[rival]), wanted[rows])
+        located, named = (self._as_solved(rows, each, seen) for each in (located, named))
+        named = np.maximum(located, named)  # both are solved for roughly
         return tuple(
             Visible(
                 little=littles[owner[i]],
@@ -231,6 +233,21 @@ class Visibility:
             )
             for n, (i, j) in enumerate(zip(rows.tolist(), rival.tolist(), strict=True))
         )
+
+    def _as_solved(self, rows: Ints, least: Floats, seen: Floats) -> Floats:
+        """Return amplitudes that gain as much more than what is seen as the ``least`` do of small effects.
+
+        A release that is nearly free does hardly more where it is freer: it and its rival both saturate.
+        """
+        forecast, out, wanted = self.forecast, least.copy(), needed(self.against)
+        more = np.isfinite(least) & (least > (1 + 1e-6) * seen)
+        which, goal = rows[more], np.full(len(wanted), np.inf)
+        as_seen = least_amplitudes(forecast, wanted, self.discrepancy, self.averaged)[which]
+        squares = forecast.squares[which]
+        expected = _expected(forecast, self.discrepancy, self.averaged)
+        goal[which] = expected.gains(least[more] / seen[more] * as_seen, squares[:, :-1], squares[:, -1])
+        out[more] = amplitudes_as_solved(forecast, goal, self.discrepancy, self.averaged, which)
+        return np.maximum(out, seen)
 
     def slight(self, effect: Effect) -> Effect:
         """Return a little of an effect at one of its positions, of whatever size it is given."""

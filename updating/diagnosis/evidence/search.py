@@ -64,6 +64,8 @@ N_TOLD = 2
 """Number of places that are named while the search goes on."""
 BEAM_NATS = 20.0
 """Hypotheses this much less probable than the best one with as many effects are not searched on from."""
+MOST_BASES = 3
+"""Number of bases at most, each with responses of the fit on the one before."""
 IDLE_ROUNDS = 3
 """A search that explains too little goes no further after so many rounds whose effects do not pay: of
 three that work only together the first two do not."""
@@ -898,15 +900,14 @@ class Search(Generic[P]):
             decibels = error * DB_PER_NEPER
             self.say(f"   basis errs by {decibels:.3f} dB: with responses at {n_lines} lines")
 
-        problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
-        good = problem.with_good_basis(h.fitted, tell)
-        if good is not problem:
+        for _ in range(MOST_BASES):  # each fit moves the form, and its basis may err there
+            problem = with_forces(self.fits.problem, h.effects, values_of(h.effects))
+            good = problem.with_good_basis(h.fitted, tell)
+            if good is problem:
+                break
             self.fits = replace(self.fits, problem=replace(self.fits.problem, reduced=good.reduced))
-            # What is bent would stay so.
-            anew = not self.settled(h)
-            self.known[h.key] = h = (
-                self.fits.fully(h.effects, values_of(h.effects), h) if anew else self.fits.again(h)
-            )
+            # What has bent on the poorer basis would stay so.
+            self.known[h.key] = h = self.fits.fully(h.effects, values_of(h.effects), h, anew=True)
         return self.with_better_damping(h)
 
     def with_better_damping(self, h: ScoredFit) -> ScoredFit:
