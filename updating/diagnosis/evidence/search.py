@@ -906,8 +906,12 @@ class Search(Generic[P]):
             if good is problem:
                 break
             self.fits = replace(self.fits, problem=replace(self.fits.problem, reduced=good.reduced))
-            # What has bent on the poorer basis would stay so.
-            self.known[h.key] = h = self.fits.fully(h.effects, values_of(h.effects), h, anew=True)
+            # What is bent, and has not found what was missing, would stay so.
+            self.known[h.key] = h = (
+                self.fits.again(h)
+                if self.settled(h)
+                else self.fits.fully(h.effects, values_of(h.effects), h, anew=True)
+            )
         return self.with_better_damping(h)
 
     def with_better_damping(self, h: ScoredFit) -> ScoredFit:
