@@ -130,7 +130,7 @@ def read_structure(
                     text=f"{table.rstrip()} # the deck; dovetail export keeps its numbers\n\n{made.text}",
                 )
         except MeshError as reason:
-            if not mesh_will_do:
+            if not mesh_will_do or units != "SI":  # who states a deck's units wants its sections
                 raise
             notes.append(f"the deck is read as a mesh: {reason}")
     mesh = read_mesh(file, scale)

@@ -195,9 +195,10 @@ def _size_hint(structure: Structure, points: NamedPoints, nodes: Sequence[str]) 
     if not 700 * tested < size < 2500 * tested:
         return ""
     option = "--units mm-t-s" if structure.complete else "--units mm"
+    read = "".join(f"; {note}" for note in structure.notes if note.startswith("the deck is read as a mesh"))
     return (
         f"the structure is {size / tested:.0f} times as large as the test ({size:.4g} m and {tested:.4g} m): "
-        f"if it is in mm, give {option}"
+        f"if it is in mm, give {option}{read}"
     )
 
 

@@ -168,6 +168,19 @@ def test_unknown_units_of_a_deck_are_refused_alone(tmp_path, root, capsys):
     assert err.count("\n") == 1
 
 
+@pytest.mark.filterwarnings("ignore:.*cards left out")
+def test_a_card_that_is_no_bar_is_named_where_units_of_a_deck_are_stated(tmp_path, root, capsys):
+    """Read as a mesh the deck would be 1000 times as large as its test, of which alone the message spoke."""
+    (tmp_path / "a.bdf").write_text(f"{LUMPED}CQUAD4,9,1,1,2,3,3\n")
+    test = root / "examples" / "first-frame" / "test.uff"
+    words = ["--from", str(tmp_path / "a.bdf"), str(test)]
+    assert main(["new", str(tmp_path / "s"), *words, "--units", "mm-t-s"]) == 2
+    assert "CQUAD4" in capsys.readouterr().err
+    assert main(["new", str(tmp_path / "s"), *words]) == 2
+    err = capsys.readouterr().err.replace(f"{tmp_path}/", "")
+    assert "give --units mm; the deck is read as a mesh: a.bdf" in err
+
+
 @pytest.mark.parametrize("comment", ["", "$ Länge in mm\n"])
 def test_a_deck_in_place_of_a_study_is_named(tmp_path, capsys, comment):
     (tmp_path / "a.bdf").write_text(comment + LUMPED, encoding="latin-1")
