@@ -257,10 +257,11 @@ def _warn(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -
 def build_parser(commands: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentParser:
     """Return the parser of all commands, with the arguments of some; only these are imported."""
     plain = argparse.RawDescriptionHelpFormatter
+    listed = "" if len(commands) == 1 else f"\n{_commands_in_groups()}"  # only its own help is asked for
     parser = argparse.ArgumentParser(
         "dovetail",
         usage="dovetail COMMAND ... [-h] [--version]",
-        description=f"{DESCRIPTION}\n{_commands_in_groups()}",
+        description=f"{DESCRIPTION}{listed}",
         epilog=EPILOG,
         formatter_class=plain,
     )
